@@ -2,7 +2,7 @@
 
 A path over cells leads through a door as the cells lie, and its corners may be in the middle of
 it. A body that hardly fits must be in line before it enters and stay so until it is through. All
-lengths are in cells of the map.
+lengths are in cells of the map, but where [m] is said.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from native_kernels.compiled import compiled
 from robotctl.planning.map.planning_map import APART, PlanningMap, body_hits
 
-IN_LINE_M: Final = 0.3
+_IN_LINE_M: Final = 0.3
 """Distance before a narrow place from which on a body is to be in line with it [m]."""
-_TILTS: Final = np.radians(np.arange(0.0, 46.0, 1.5))
-"""Angles between the way over the cells and the straight piece that are tried, to both sides."""
+_TILTS: Final = np.radians(np.arange(-45.0, 46.0, 1.5))
+"""Angles between the way over the cells and the straight piece that are tried [rad]."""
 _OFFSET: Final = 0.25
 """Distance between the lines that are tried at each angle."""
 _ASIDE: Final = 3.0
@@ -52,32 +52,30 @@ class _Run(NamedTuple):
     """First cell with room again."""
 
 
-def gated(
-    cells: NDArray[np.int64], space: PlanningMap, margin: float, lead: float
-) -> Iterator[Gate]:
+def gated(cells: NDArray[np.int64], space: PlanningMap, margin_m: float) -> Iterator[Gate]:
     """Yield the straight pieces through the narrow places of a path, in their order.
 
-    Where none fits, or the path begins or ends, there is none.
+    A place is narrow where the body cannot turn, and has less than a margin and a cell on one of
+    its sides. Where no straight piece fits, or the path begins or ends there, none is given.
 
     Parameters
     ----------
     cells
         (n, 2) rows and columns, each a neighbour of the one before.
-    margin
-        A place is narrow where the body has less than this on one of its sides.
-    lead
-        The body is in line this far before it enters, where there is room.
+    margin_m
+        Of the planner [m].
     """
     room = space.clearance[cells[:, 0], cells[:, 1]]
     points = cells[:, ::-1] + 0.5
-    begin = 0
-    for run in _runs(room, space.inscribed + margin, space.circumscribed + APART):
+    side_m, roomy, begin = space.grid.resolution_m, space.circumscribed + APART, 0
+    half_m = 0.5 * (space.footprint.left_m + space.footprint.right_m)
+    narrow = min((half_m + margin_m) / side_m + 1.0, space.circumscribed)
+    for run in _runs(room, narrow, roomy):
         way = points[run.after] - points[run.before]
         longest = _LONGEST * (run.after - run.before) + 2.0 * space.circumscribed
         found, *line = _middle_line(
             space.blocked, space.clearance, space.samples, space.discs,
-            points[run.narrowest], math.atan2(way[1], way[0]), space.circumscribed + APART,
-            longest, lead,
+            points[run.narrowest], math.atan2(way[1], way[0]), roomy, longest, _IN_LINE_M / side_m,
         )  # fmt: skip
         if not found:
             continue
@@ -124,23 +122,18 @@ def _middle_line(
     """
     count = 2 * int(_ASIDE / _OFFSET) + 1
     widest, ties, tilts, offsets = 0, 0, 0.0, 0.0
-    for number in range(2 * len(_TILTS) - 1):
-        tilt = _TILTS[(number + 1) // 2] * (1.0 if number % 2 else -1.0)
+    for tilt in _TILTS:
         c, s = math.cos(direction + tilt), math.sin(direction + tilt)
         band = 0
         for i in range(count):
             offset = i * _OFFSET - _ASIDE
-            x, y = middle[0] - s * offset, middle[1] + c * offset
-            ahead = _free_length(
-                blocked, clearance, samples, discs, (x, y, direction + tilt), 1.0, roomy, longest
-            )
-            back = -1.0
-            if ahead >= 0.0:
-                back = _free_length(
-                    blocked, clearance, samples, discs, (x, y, direction + tilt), -1.0, roomy,
-                    longest,
-                )  # fmt: skip
-            band = band + 1 if back >= 0.0 else 0
+            pose = middle[0] - s * offset, middle[1] + c * offset, direction + tilt
+            length = _free_length(blocked, clearance, samples, discs, pose, 1.0, roomy, longest)
+            if length >= 0.0:
+                length = _free_length(
+                    blocked, clearance, samples, discs, pose, -1.0, roomy, longest
+                )
+            band = band + 1 if length >= 0.0 else 0
             if band > widest:
                 widest, ties, tilts, offsets = band, 0, 0.0, 0.0
             if 0 < band == widest:

@@ -10,7 +10,7 @@ wall, and no such path is found, one of arcs may lead there.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.map.planning_map import APART, PlanningMap
-from robotctl.planning.path.global_planning.gates import IN_LINE_M, Gate, gated
+from robotctl.planning.path.global_planning.gates import Gate, gated
 from robotctl.planning.path.global_planning.grid_search import LETHAL, search_cells
 from robotctl.planning.path.global_planning.hybrid_planner import HybridPlanner
 from robotctl.planning.path.global_planning.obstructions import blocked_ends, no_path
@@ -82,8 +82,7 @@ class GridPlanner:
         near = min(space.clearance[math.floor(end.y_m), math.floor(end.x_m)] for end in ends)
         if failure.reason is not Reason.NOT_FOUND or near >= space.circumscribed + APART:
             return failure
-        bent = HybridPlanner(self._config).plan(space, start, goal, goes_on)
-        return bent if isinstance(bent, Plan) else failure
+        return HybridPlanner(self._config).plan(space, start, goal, goes_on)
 
     def _search(
         self, space: PlanningMap, radius: float, start: SE2, goal: SE2, goes_on: GoesOn
@@ -106,7 +105,7 @@ class GridPlanner:
             if not len(found.cells):
                 break
             prices = factors[costs]
-            gates = list(self._gates(space, found.cells))
+            gates = list(gated(found.cells, space, self._config.margin_m))
             poses = self._poses(space, found.cells, prices, ends, gates)
             stuck = collisions(space, poses)
             if len(stuck) and gates:
@@ -142,12 +141,6 @@ class GridPlanner:
         factors[: _CLASSES + 1] = 1.0 + most * np.arange(_CLASSES + 1) / _CLASSES
         costs[(room < 0.0) | space.blocked] = LETHAL
         return costs, factors
-
-    def _gates(self, space: PlanningMap, cells: NDArray[np.int64]) -> Iterator[Gate]:
-        """Yield the straight pieces through the narrow places of a path over cells."""
-        side_m = space.grid.resolution_m
-        narrow = self._config.margin_m / side_m + 1.0
-        return gated(cells, space, narrow, IN_LINE_M / side_m)
 
     def _poses(
         self,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.curves import along
-from robotctl.planning.path.global_planning.gates import IN_LINE_M, gated
+from robotctl.planning.path.global_planning.gates import gated
 from robotctl.planning.path.global_planning.hybrid_search import (
     ENDED,
     ENTRY,
@@ -79,10 +79,9 @@ class HybridPlanner:
         """Return a path straight through the narrow places of another; None: there is none."""
         side_m = space.grid.resolution_m
         cells = np.floor(space.poses_to_cells(found.poses)[:, 1::-1]).astype(np.int64)
-        narrow, lead = self._config.margin_m / side_m + 1.0, IN_LINE_M / side_m
         gates = [
             gate
-            for gate in gated(cells, space, narrow, lead)
+            for gate in gated(cells, space, self._config.margin_m)
             if not found.reverse[gate.first : gate.last].any()
         ]
         if not gates:
@@ -151,7 +150,7 @@ class HybridPlanner:
         radius = config.turning_radius_m / side_m
         return SearchSpace(
             space.blocked, space.clearance, prices, space.samples, space.discs,
-            to_go, float(factor), radius,
+            to_go, float(factor), radius, space.circumscribed / radius,
         )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ _ENOUGH: Final = 1.05
 """A path is good enough if no other can be cheaper by more than this factor: no bound includes the
 turn to the heading at the goal, so searching for a cheaper path would take long."""
 _CHECK: Final = 1.0
-"""Distance between two poses at which the body is checked [cells]."""
+"""Maximum way of a corner of the body between two poses at which it is checked [cells]."""
 
 
 class SearchSpace(NamedTuple):
@@ -61,6 +61,8 @@ class SearchSpace(NamedTuple):
     """Side of a coarse cell."""
     radius: float
     """Radius of the smallest turning circle."""
+    swing: float
+    """How much farther the outermost corner goes than `base` on it, as a share of that way."""
 
 
 class Nodes(NamedTuple):
@@ -267,7 +269,7 @@ def _try_curve(world: SearchSpace, nodes: Nodes, node: int, path: NDArray[np.flo
         gear = now
     if cost >= nodes.found[0]:
         return
-    poses, gears = along(path, radius, _CHECK)
+    poses, gears = along(path, radius, _CHECK / (1.0 + world.swing))
     extra = 0.0
     for i in range(1, len(poses)):
         px = x + c * poses[i, 0] - s * poses[i, 1]
@@ -337,10 +339,10 @@ def _expand_node(world: SearchSpace, nodes: Nodes, node: int, step: float) -> No
     """Drive all arcs from a node."""
     x, y, theta = nodes.pose[node]
     before, gear_before = nodes.steering[node], nodes.gear[node]
-    checks = math.ceil(step / _CHECK)
     for gear in (1, -1):
         for steering in _STEERINGS:
             curvature = steering / world.radius
+            checks = math.ceil(step * (1.0 + abs(steering) * world.swing) / _CHECK)
             is_free = True
             price = 0.0
             ex, ey, eth = x, y, theta

@@ -24,8 +24,8 @@ _WAYS_OUT_M: Final = (
 )
 """Steps from a place without room to one with room, forward and to the left [m]."""
 _AWAY: Final = 2000
-"""A robot that steers and reaches more poses than this has room where it stands: its search has
-failed elsewhere, and would again from each place beside it."""
+"""A robot that reaches more poses than this has room where it stands: its search has failed
+elsewhere, and would again from each place beside it."""
 _SECTORS: Final = 16
 """Directions in each of which the nearest exit is looked for."""
 
@@ -42,9 +42,8 @@ def find_way(
     answer = planner.plan(space, start, goal, goes_on)
     if not isinstance(answer, PlanFailure) or answer.reason not in _NO_ROOM:
         return answer
-    if answer.reason is Reason.NOT_FOUND and (
-        answer.expanded > _AWAY if steered else space.can_turn_at(start)
-    ):
+    can_leave = answer.expanded > _AWAY or (not steered and space.can_turn_at(start))
+    if answer.reason is Reason.NOT_FOUND and can_leave:
         return answer
     for on_m, aside_m in _WAYS_OUT_M:
         out = start @ SE2(on_m, aside_m, 0.0)

@@ -135,6 +135,22 @@ def gap(
 
 
 @compiled
+def is_narrow(space: Surroundings, body: Body, tight: Body, path: NDArray[np.float64]) -> bool:
+    """Return whether one body fits at all places of a path, but another, around it, does not.
+
+    The path is that of `RolloutProblem`.
+    """
+    narrow = False
+    for i in range(len(path)):
+        x, y, c, s = path[i]
+        if gap(space.clearance, tight.outline, SPACING, tight.discs, x, y, c, s) == TOUCH:
+            return False
+        if gap(space.clearance, body.outline, SPACING, body.discs, x, y, c, s) == TOUCH:
+            narrow = True
+    return narrow
+
+
+@compiled
 @borrows
 def gap_to_moving(
     moving: NDArray[np.float64],

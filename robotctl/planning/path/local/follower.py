@@ -17,14 +17,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.local.arrival import Arrival
-from robotctl.planning.path.local.body import (
-    SPACING,
-    TOUCH,
-    Body,
-    Surroundings,
-    gap,
-    make_body,
-)
+from robotctl.planning.path.local.body import Body, Surroundings, is_narrow, make_body
 from robotctl.planning.path.local.controller import ControllerConfig, LocalMotion, LocalSituation
 from robotctl.planning.path.local.escape import intrusions, is_too_near, way_out
 from robotctl.planning.path.local.rollout import (
@@ -133,7 +126,10 @@ class Follower:
         problem = self._problem(situation, track)
         if self._is_cold:
             self._compile(problem, situation)
-        narrow = _is_narrow(problem, math.ceil(_NARROW_M / track.section.spacing_m))
+        narrow = is_narrow(
+            problem.space, problem.body, problem.tight,
+            problem.path[: math.ceil(_NARROW_M / track.section.spacing_m)],
+        )  # fmt: skip
         along = self._steered or narrow or self._is_hemmed_in(situation, track)
         if self._is_near(situation.pose, track, along=along):
             return self._arrive(situation, track, problem, along=along)
@@ -179,9 +175,11 @@ class Follower:
         goal, near_m = track.goal, 1.5 * self._arrival.near_m
         if not track.is_last or track.remaining_m > near_m:
             return False
+        space, there = situation.space, situation.space.to_cells(goal)
         turn_rad = wrap_angle(float(track.section.points[-1, 2]) - goal.theta_rad)
         led_there = abs(turn_rad) < self._config.heading_tolerance_rad
-        return led_there and not situation.space.can_turn_at(goal)
+        on_map = space.contains(there.x_m, there.y_m)
+        return led_there and on_map and not space.can_turn_at(goal)
 
     def _is_near(self, pose: SE2, track: Track, *, along: bool) -> bool:
         """Return whether the robot is about to arrive, or along the path to change gear, too."""
@@ -431,17 +429,6 @@ class Follower:
         moving = problem.space.moving
         away = np.hypot(moving[:, 0] - x, moving[:, 1] - y) - moving[:, 4]
         return bool((away * side_m < 2.0).any())
-
-
-def _is_narrow(problem: RolloutProblem, count: int) -> bool:
-    """Return whether the body fits on the path close ahead, but not with its margin."""
-    clearance, body, tight = problem.space.clearance, problem.body, problem.tight
-    near = problem.path[:count].tolist()
-    return any(
-        gap(clearance, body.outline, SPACING, body.discs, *place) == TOUCH for place in near
-    ) and not any(
-        gap(clearance, tight.outline, SPACING, tight.discs, *place) == TOUCH for place in near
-    )
 
 
 def _motion(situation: LocalSituation, choice: Choice) -> LocalMotion:

@@ -12,8 +12,10 @@ from robotctl.estimation.grid.wall_raster import grid_of_walls
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
 from robotctl.planning.map.planning_map import PlanningMap
+from robotctl.planning.path.global_planning.gates import gated
 from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig, dense
 from robotctl.planning.path.global_planning.planners import PLANNERS
 
@@ -69,9 +71,24 @@ def test_a_path_leads_straight_through_the_middle_of_a_door(
         assert least_m > 0.5 * extra_m - SIDE_M, "in the middle there is half of it on each side"
 
 
-def test_a_wide_door_is_taken_as_the_way_leads():
-    outer, jambs = door(1.2, 0.1, 0.5)
-    space = PlanningMap(grid_of_walls(walls_of((outer, *jambs), SE2()), SIDE_M), BODY)
-    answer = PLANNERS["astar"](PlannerConfig()).plan(space, SE2(-3.0), SE2(3.0))
-    there = answer.poses[np.abs(answer.poses[:, 0]) < 0.5]
-    assert len(np.unique(there[:, 2])) > 1 or abs(there[0, 2]) > 0.05, "it takes the door askew"
+def gates_of_a_corridor(rows, body):
+    """Return the straight pieces along the middle of a corridor so many cells wide."""
+    cells = np.zeros((80, 120), np.int8)
+    cells[: 40 - rows // 2, 50:70] = cells[40 + (rows + 1) // 2 :, 50:70] = 100
+    middle = np.column_stack([np.full(100, 40), np.arange(10, 110)])
+    return list(gated(middle, PlanningMap(GridMap(cells, SIDE_M), body), 0.05))
+
+
+def test_only_a_place_without_room_to_turn_or_for_the_margin_is_narrow():
+    # A body of 0.36 m that turns in 0.79 m: with its margin and a cell on each side 0.56 m.
+    assert len(gates_of_a_corridor(9, BODY)) == 1
+    assert len(gates_of_a_corridor(11, BODY)) == 1
+    assert not gates_of_a_corridor(13, BODY)
+    assert not gates_of_a_corridor(7, BODY), "nothing fits"
+
+
+@pytest.mark.parametrize("half_m", [0.0, 0.05])
+def test_what_can_turn_wherever_it_fits_has_no_narrow_places(half_m):
+    corners = ((half_m, -half_m), (half_m, half_m), (-half_m, half_m), (-half_m, -half_m))
+    body = Footprint(corners if half_m else ())
+    assert not any(gates_of_a_corridor(rows, body) for rows in (1, 3, 4, 5, 8))
