@@ -19,9 +19,12 @@ from robotctl.workbench.planning.plan import min_clearance_m
 _ROUNDS: Final = 50
 """Rounds of planning: some planners would improve their path for long."""
 
+_LONG: Final = ((0.4, -0.18), (0.4, 0.18), (-0.2, 0.18), (-0.2, -0.18))
+"""Corners of a body that cannot turn in the door [m]."""
+
 
 def warm_up() -> None:
-    """Plan around a wall, and once against one without a gap."""
+    """Plan around a wall, once against one without a gap, and once through a narrow door."""
     cells = np.zeros((13, 13), np.int8)
     cells[:9, 6] = OCCUPIED
     space = PlanningMap(GridMap(cells, 1.0), Footprint())
@@ -38,6 +41,11 @@ def warm_up() -> None:
     PLANNERS["astar"](PlannerConfig()).plan(
         PlanningMap(GridMap(closed, 1.0), Footprint()), start, goal
     )
+    cells = np.zeros((40, 40), np.int8)
+    cells[:, 20] = OCCUPIED
+    cells[17:22, 20] = 0
+    door = PlanningMap(GridMap(cells, 0.1), Footprint(_LONG))
+    PLANNERS["astar"](PlannerConfig()).plan(door, SE2(0.65, 1.95), SE2(3.35, 1.95))
 
 
 def _goes_on(rounds: Iterator[int]) -> bool:
