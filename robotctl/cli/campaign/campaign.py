@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -68,9 +68,10 @@ def campaign(
 ) -> None:
     """Drive many simulated runs of robots, missions, faults and settings, and judge them.
 
-    Each is `robotctl sim --lockstep` in a process of its own. The same command goes on after
-    Ctrl-C or a kill, and repeats runs without a result. Status 0: all runs passed. 3: some
-    failed, or have no result. 2: bad input. 4: the disk did not take all. 130: interrupted.
+    Each is `robotctl sim --lockstep` in a process of its own, or with `buses` in the file one in
+    real time. The same command goes on after Ctrl-C or a kill, and repeats runs without a result.
+    Status 0: all runs passed. 3: some failed, or have no result. 2: bad input. 4: the disk did not
+    take all. 130: interrupted.
     """
     if (file is None) == (again is None):
         raise ConfigError("one is needed: a campaign file, or --again FOLDER")
@@ -102,6 +103,11 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     from robotctl.workbench.campaign.results import HEAD, PAGE, ResultFolder, head_of  # noqa: PLC0415
 
     loaded = load_campaign(file, _option_problem)
+    if loaded.buses:
+        options = {"--scheduler": scheduler, "--workers": count, "--corpus": corpus}
+        if unfit := next((name for name, value in options.items() if value), ""):
+            why = "one run at a time on each bus of this computer, and none is twice the same"
+            raise ConfigError(f"{unfit}: not allowed with buses in {file}: {why}")
     runs = plan(loaded)
     files = files_of(loaded)
     prints = fingerprint(loaded, files), sources_fingerprint()
@@ -109,13 +115,14 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
     from robotctl.workbench.campaign.boundary import batches  # noqa: PLC0415
-    from robotctl.workbench.campaign.engine import drive, refusals  # noqa: PLC0415
+    from robotctl.workbench.campaign.engine import WorkersLost, drive, refusals  # noqa: PLC0415
 
     try:
-        with _workers(scheduler, count, files) as chosen:
+        with _workers(scheduler, count, files, loaded.buses) as chosen:
             if not (place / HEAD).exists():
-                console.print(f"trying one of each kind of {counted(head.runs, 'run')}")
-                if refused := refusals(runs, chosen, ROBOTCTL, loaded.wall_seconds):
+                with _trials(console, head.runs) as tell_trial:
+                    refused = refusals(runs, chosen, ROBOTCTL, loaded.wall_seconds, tell_trial)
+                if refused:
                     raise ConfigError("\n".join(refused))
             with (
                 ResultFolder(place, head) as kept,
@@ -130,7 +137,7 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
         if corpus is not None and summary.failures:
             with _workers("", count, ()) as chosen:
                 keep_failures(loaded, summary, corpus, chosen, plain_console())
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, WorkersLost) as error:
         if not (place / HEAD).exists():
             raise
         summary = _shown(place)
@@ -139,16 +146,21 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
             f"\n{left} of {head.runs} runs are left; to go on:\n  {command_of(sys.argv[1:])}",
             soft_wrap=True,
         )
+        if isinstance(error, WorkersLost):
+            console.print(str(error), soft_wrap=True)
+            sys.exit(FAILED)
         sys.exit(INTERRUPTED)
     return not (summary.failures or summary.without_result)
 
 
-def _workers(scheduler: str, count: int, files: Sequence[Path]) -> AbstractContextManager[Workers]:
-    """Return the workers of a scheduler, or of this computer."""
+def _workers(
+    scheduler: str, count: int, files: Sequence[Path], buses: Sequence[str] = ()
+) -> AbstractContextManager[Workers]:
+    """Return the workers of a scheduler, or of this computer, with `buses` in real time."""
     from robotctl.workbench.campaign.engine import local_workers  # noqa: PLC0415
 
     if not scheduler:
-        return local_workers(count or len(os.sched_getaffinity(0)))
+        return local_workers(len(buses) or count or len(os.sched_getaffinity(0)), buses)
     from robotctl.workbench.campaign.cluster import cluster_workers  # noqa: PLC0415 - an extra
 
     return cluster_workers(scheduler, files)
@@ -183,6 +195,25 @@ def _option_problem(words: Sequence[str]) -> str:
     except ConfigError as error:
         return str(error)
     return ""
+
+
+@contextmanager
+def _trials(console: Console, runs: int) -> Iterator[Callable[[int, int], None]]:
+    """Show how many kinds of runs were tried; told how many, and of how many."""
+    told_s = time.monotonic()
+    words = f"trying one of each kind of {counted(runs, 'run')}"
+    console.print(words)
+    with console.status(words) as status:
+
+        def tell(tried: int, kinds: int) -> None:
+            nonlocal told_s
+            text = f"{tried} of {counted(kinds, 'kind')} tried"
+            status.update(text)
+            if not console.is_terminal and time.monotonic() - told_s > _LINE_S:
+                told_s = time.monotonic()
+                console.print(text)
+
+        yield tell
 
 
 @contextmanager

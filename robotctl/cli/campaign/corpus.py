@@ -96,6 +96,8 @@ def run_again(
     futures = {}
     for file in files:
         loaded = load_campaign(file, check)
+        if loaded.buses:
+            raise ConfigError(f"{file}: buses: not allowed in a corpus, which is run in lockstep")
         runs = plan(loaded)
         head = head_of(file.stem, len(runs), loaded, ("", ""))
         for run in runs:

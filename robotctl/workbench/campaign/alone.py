@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
@@ -83,10 +83,8 @@ class _Processes:
         self._running: dict[ForkServerProcess, str] = {}
         self._context: ForkServerContext | None = None
 
-    def start(
-        self, program: Program, words: Sequence[str], folder: str, owner: str
-    ) -> ForkServerProcess:
-        """Start a run."""
+    def start(self, program: Program, arguments: tuple[Any, ...], owner: str) -> ForkServerProcess:
+        """Start a run; `arguments`: those of `_drive` behind the program's main."""
         with self.lock:
             if self._context is None:
                 clear_abandoned()
@@ -94,9 +92,7 @@ class _Processes:
                 self._context.set_forkserver_preload([program.warm or program.main.__module__])
                 # A worker of Dask is a daemon, which may have no children: these end with it.
                 vars(multiprocessing.process.current_process())["_config"]["daemon"] = False
-            process = self._context.Process(
-                target=_drive, args=(program.main, tuple(words), folder)
-            )
+            process = self._context.Process(target=_drive, args=(program.main, *arguments))
             process.start()
             self._running[process] = owner
         return process
@@ -125,7 +121,11 @@ _processes = _Processes()
 
 
 def run_alone(
-    program: Program, words: Sequence[str], wall_seconds: float, owner: str = ""
+    program: Program,
+    words: Sequence[str],
+    wall_seconds: float,
+    owner: str = "",
+    processors: frozenset[int] = frozenset(),
 ) -> Ending:
     """Run `robotctl WORDS --report FILE` in a process of its own; return how it ended.
 
@@ -139,6 +139,8 @@ def run_alone(
         Time after which it is killed [s].
     owner
         Campaign whose runs can be stopped together, see `stop_runs`.
+    processors
+        Those it may use; empty: all that this process may.
     """
     if owner in _processes.stopped:
         return Ending(reason="stopped before it began")
@@ -148,7 +150,7 @@ def run_alone(
             Path(folder, _LOCK).open("wb") as held,
         ):
             fcntl.flock(held, fcntl.LOCK_EX)
-            process = _processes.start(program, words, folder, owner)
+            process = _processes.start(program, (tuple(words), folder, processors), owner)
             wait([process.sentinel], wall_seconds)
             code = _processes.end(process)
             said = _last_line(Path(folder, _OUTPUT))
@@ -212,10 +214,14 @@ def _last_line(file: Path) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
 
 
-def _drive(main: Callable[[], None], words: Sequence[str], folder: str) -> None:
+def _drive(
+    main: Callable[[], None], words: Sequence[str], folder: str, processors: frozenset[int]
+) -> None:
     """Be `robotctl WORDS`."""
     end_with(os.getppid(), signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the campaign
+    if processors:
+        os.sched_setaffinity(0, processors)
     output = os.open(Path(folder, _OUTPUT), os.O_WRONLY | os.O_CREAT, 0o600)
     os.dup2(output, 1)
     os.dup2(output, 2)

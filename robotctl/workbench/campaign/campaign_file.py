@@ -128,6 +128,9 @@ class Campaign:
         Limit of a run, in the robot's time.
     wall_seconds
         Limit of a run in the computer's time; one that takes longer is ended, without a result.
+    buses
+        Buses as `robotctl sim --bus` takes them, on each of which one run at a time goes in real
+        time, with processors of its own; empty: all runs are in lockstep.
     criteria
         What a run must fulfil to pass.
     case
@@ -145,6 +148,7 @@ class Campaign:
     runs: int = 0
     max_seconds: float = 300.0
     wall_seconds: float = 900.0
+    buses: tuple[str, ...] = ()
     criteria: tuple[str, ...] = ("mission_completed = true", "collisions = 0", "unsafe_motions = 0")
     case: tuple[ListedCase, ...] = ()
 
@@ -153,6 +157,8 @@ class Campaign:
         for key in ("robots", "worlds", "missions", "faults", "options", "criteria"):
             if not getattr(self, key):
                 raise InvalidValue(key, "must have an entry at least", ())
+        if len(set(self.buses)) < len(self.buses):
+            raise InvalidValue("buses", "must have each bus once", self.buses)
         seeds = self.seeds
         if isinstance(seeds, int) and seeds < 1:
             raise InvalidValue("seeds", f"must be at least 1, found {seeds}", seeds)

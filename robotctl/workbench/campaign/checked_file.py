@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import os
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -110,6 +111,7 @@ def _problems(campaign: Campaign, beside: Path, check_options: CheckOptions) -> 
     for key, text in _texts(campaign, "options"):
         if problem := _option_problem(text, check_options):
             yield key, problem
+    yield from _wrong_buses(campaign)
     wrong = [*_wrong_ranges(campaign)]
     yield from wrong or _wrong_for_robots(campaign, beside)
 
@@ -168,6 +170,18 @@ def _option_problem(text: str, check_options: CheckOptions) -> str:
     if own:
         return f"{own} is not allowed here: the campaign itself sets it, or does without"
     return check_options(words)
+
+
+def _wrong_buses(campaign: Campaign) -> Iterator[Problem]:
+    """Yield buses that there cannot be, and that there are more of than processors."""
+    for index, bus in enumerate(campaign.buses):
+        try:
+            SimOptions(Path(), Path(), bus=bus)
+        except RobotctlError as error:
+            yield ("buses", index), str(error).partition(": ")[2]
+    processors = len(os.sched_getaffinity(0))
+    if len(campaign.buses) > processors:
+        yield ("buses",), f"must be {processors} at most, a processor for each run in real time"
 
 
 def _wrong_ranges(campaign: Campaign) -> Iterator[Problem]:

@@ -127,8 +127,11 @@ def cluster_workers(address: str, files: Sequence[Path]) -> Iterator[Workers]:
             client.retire_workers([worker], close_workers=True)
             return True
 
+        def lost() -> str:
+            return "" if client.nthreads() else f"{address}: has no workers any more"
+
         try:
-            yield Workers(executor, count, run, dismiss)
+            yield Workers(executor, count, run, dismiss, lost=lost)
         except BaseException:
             executor.shutdown(wait=False)
             with suppress(OSError):  # the scheduler may be lost
@@ -141,7 +144,8 @@ def cluster_workers(address: str, files: Sequence[Path]) -> Iterator[Workers]:
 def _connected(make: Callable[..., Any], address: str) -> Any:
     """Return a client of a scheduler; raises ConfigError if none answers, or one of other kind."""
     # What Dask logs of a scheduler that is not there, or of workers that come and go, is said here.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = make(address, timeout=_PATIENCE_S, set_as_default=False)
         theirs = client.get_versions(check=False)["scheduler"]["packages"]

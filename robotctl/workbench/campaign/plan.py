@@ -30,7 +30,8 @@ from robotctl.workbench.campaign.campaign_file import (
 
 CASE, SEED = "case", "seed"
 """Further factors: name of a case, and the seed."""
-LIMIT: Final = "--max-seconds"
+LIMIT, BUS = "--max-seconds", "--bus"
+"""Options of `robotctl sim`."""
 _FIGURES: Final = 9
 """Significant figures of a sampled value."""
 
@@ -97,7 +98,8 @@ def runs_at(
             ("", names, common, seed)
             for seed, names, common in itertools.product(campaign.all_seeds, kinds, settings)
         ]
-    return tuple(_run(n, *each, campaign.max_seconds) for n, each in enumerate(chosen, first))
+    limit_s, bus = campaign.max_seconds, next(iter(campaign.buses), "")
+    return tuple(_run(n, *each, limit_s, bus) for n, each in enumerate(chosen, first))
 
 
 def runs_in_all(campaign: Campaign) -> int:
@@ -140,10 +142,24 @@ def _rounded(value: float) -> float:
 
 
 def words_of(
-    names: Sequence[str], settings: Mapping[str, Any], seed: int, max_seconds: float
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    seed: int,
+    max_seconds: float,
+    bus: str = "",
 ) -> tuple[str, ...]:
-    """Return the arguments of `robotctl` for a run; `names`: its value on each axis."""
-    words = ["sim", "--lockstep"]
+    """Return the arguments of `robotctl` for a run.
+
+    Parameters
+    ----------
+    names
+        Its value on each axis.
+    settings, seed, max_seconds
+        As in `Campaign`.
+    bus
+        Bus of a run in real time; empty: in lockstep.
+    """
+    words = ["sim", *(["--headless", BUS, bus] if bus else ["--lockstep"])]
     for axis, name in zip(AXES, names, strict=True):
         if axis == "options":
             words += shlex.split(name)
@@ -152,6 +168,12 @@ def words_of(
     for key, value in settings.items():
         words += ["--set", setting(key, value)]
     return (*words, LIMIT, f"{max_seconds:g}", "--seed", str(seed))
+
+
+def on_bus(words: Sequence[str], bus: str) -> tuple[str, ...]:
+    """Return the arguments of a run in real time for another bus."""
+    at = words.index(BUS) + 1
+    return (*words[:at], bus, *words[at + 1 :])
 
 
 def briefly(words: Sequence[str]) -> tuple[str, ...]:
@@ -167,12 +189,13 @@ def _run(
     settings: Mapping[str, Any],
     seed: int,
     max_seconds: float,
+    bus: str,
 ) -> Run:
     """Return a run of its values on the axes, settings and seed; `case`: empty without cases."""
     shown = (Path(name).stem if name.startswith("/") else name for name in names)
     factors: dict[str, Any] = {CASE: case} if case else {}
     factors |= {**dict(zip(AXES, shown, strict=True)), **settings, SEED: seed}
-    return Run(number, factors, words_of(names, settings, seed, max_seconds))
+    return Run(number, factors, words_of(names, settings, seed, max_seconds, bus))
 
 
 def files_of(campaign: Campaign) -> list[Path]:

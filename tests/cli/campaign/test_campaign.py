@@ -200,7 +200,37 @@ def test_a_failure_is_made_small_kept_and_run_again(folder, whole, tmp_path, cap
     assert "1 of 1 pass" in capsys.readouterr().out
 
 
+def test_in_real_time_runs_are_on_buses_of_their_own(folder, tmp_path, capsys):
+    processors = os.sched_getaffinity(0)
+    buses = [f"simcan:{tmp_path}/{number}" for number in range(min(2, len(processors)))]
+    (tmp_path / "there.toml").write_text(MISSION)
+    file = tmp_path / "real.toml"
+    text = CAMPAIGN.replace("[set]", f"buses = {json.dumps(buses)}\n\n[set]")
+    file.write_text(text.replace("<= 4", ">= 4").replace("seeds = 3", "seeds = 1"))
+    results = tmp_path / "results"
+    assert status_of("campaign", file, "--results", results) == FAILED
+    assert f"robotctl sim --headless --bus {buses[0]} " in capsys.readouterr().out
+    reports = [json.loads(line)["report"] for line in runs(results).splitlines()]
+    assert sorted(each["bus_kind"] for each in reports) == buses
+    assert [each["mission_completed"] for each in reports] == [True, True]
+    assert all(each["loop"]["lag_us"]["max"] > 0.0 for each in reports), "not in lockstep"
+
+
+def test_a_bus_that_is_not_there_is_said_before_the_first_run(folder, tmp_path, capsys):
+    file = folder / "none.toml"
+    file.write_text(f'buses = ["vcan978"]\n{CAMPAIGN}')
+    assert status_of("campaign", file, "--results", tmp_path / "never") == BAD_INPUT
+    assert "vcan978" in capsys.readouterr().err
+    assert not (tmp_path / "never").exists()
+
+
 def test_what_contradicts_each_other_is_refused(folder, tmp_path):
+    file = tmp_path / "real.toml"
+    file.write_text(f'buses = ["simcan"]\nmissions = ["{folder}/there.toml"]\n')
+    for word in ("--workers=2", f"--corpus={tmp_path}", "--scheduler=tcp://127.0.0.1:1"):
+        assert status_of("campaign", file, word) == BAD_INPUT
+    assert status_of("campaign", "--again", tmp_path) == BAD_INPUT
+    file.unlink()
     assert status_of("campaign") == BAD_INPUT
     assert status_of("campaign", folder / "gains.toml", "--again", tmp_path) == BAD_INPUT
     assert status_of("campaign", "--again", tmp_path, "--results", tmp_path) == BAD_INPUT

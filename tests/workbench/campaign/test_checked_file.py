@@ -87,6 +87,10 @@ def test_names_are_found_beside_the_file_or_among_the_built_in_ones(tmp_path):
             "[[case]]\nname = 'a'\n[[case]]\nname = 'a'\ncriteria = ['collisions = 0']",
             ":5: case[1].criteria: must be those of the first case named 'a'",
         ),
+        ('buses = ["vcan0", "vcan0"]', ":1: buses: must have each bus once"),
+        ('buses = ["vcan0", "vcan:1"]', ":1: buses[1]: allowed are simcan, simcan:CHANNEL or a So"),
+        (f"buses = {[f'vcan{n}' for n in range(9999)]}", "a processor for each run"),
+        ('options = ["--bus vcan0"]', "--bus is not allowed here"),
     ],
 )
 def test_what_is_wrong_is_said_with_line_and_nearest_name(tmp_path, text, said):

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from robotctl.errors import ConfigError
-from robotctl.workbench.campaign import cluster
+from robotctl.workbench.campaign import cluster, engine
 from robotctl.workbench.campaign.alone import Program
 from robotctl.workbench.campaign.cluster import Identity, cluster_workers, digests, unfit
-from robotctl.workbench.campaign.engine import drive
+from robotctl.workbench.campaign.engine import WorkersLost, drive
 from robotctl.workbench.campaign.plan import Run
 from robotctl.workbench.campaign.results import RUNS, ResultFolder, result_of
 from tests.workbench.campaign.reports import head
@@ -59,14 +59,21 @@ def dask(*words: str) -> Iterator["subprocess.Popen[bytes]"]:
 @contextmanager
 def scheduler(folder: Path) -> Iterator[str]:
     """Start a scheduler; yield its address."""
+    with scheduler_process(folder) as (address, _):
+        yield address
+
+
+@contextmanager
+def scheduler_process(folder: Path) -> Iterator[tuple[str, "subprocess.Popen[bytes]"]]:
+    """Start a scheduler; yield its address and process."""
     file = folder / "scheduler.json"
     words = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
-    with dask("scheduler", *words):
+    with dask("scheduler", *words) as process:
         deadline_s = time.monotonic() + 200.0
         while not file.exists() or "tcp://" not in file.read_text():
             assert time.monotonic() < deadline_s
             time.sleep(0.1)
-        yield json.loads(file.read_text())["address"]
+        yield json.loads(file.read_text())["address"], process
 
 
 def worker(address: str, folder: Path, *words: str):
@@ -150,6 +157,25 @@ def test_ctrl_c_ends_the_runs_on_a_cluster(tmp_path, monkeypatch):
             wait_until(lambda: [*tmp_path.glob("robotctl-run-*/output")])
             raise KeyboardInterrupt
         wait_until(lambda: not [*tmp_path.glob("robotctl-run-*")], 20.0)
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("lost", ["worker", "scheduler"])
+def test_a_campaign_whose_workers_are_gone_ends_and_keeps_what_it_has(tmp_path, monkeypatch, lost):
+    monkeypatch.setattr(engine, "_LOOK_S", 1.0)
+    monkeypatch.setattr(engine, "_PATIENCE_S", 3.0)
+    first, endless = Run(1, {"seed": 1}, ("1",)), Run(2, {"seed": 2}, ("2", "999"))
+    with ExitStack() as stack, ResultFolder(tmp_path / "there", head(2)) as folder:
+        address, head_process = stack.enter_context(scheduler_process(tmp_path))
+        hand_process = stack.enter_context(worker(address, tmp_path, "--no-nanny"))
+        workers = stack.enter_context(fit_workers(address, 1))
+
+        def tell(_result: object) -> None:
+            (hand_process if lost == "worker" else head_process).kill()
+
+        with pytest.raises(WorkersLost, match=lost):
+            drive([[first, endless]], folder, workers, Program(main), 60.0, tell)
+        assert [*folder.done] == [1]
 
 
 def wait_until(condition, limit_s: float = 200.0) -> None:
