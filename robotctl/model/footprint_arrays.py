@@ -42,14 +42,19 @@ def discs(footprint: Footprint) -> NDArray[np.float64]:
     return covering
 
 
-def samples(footprint: Footprint, spacing_m: float) -> NDArray[np.float64]:
-    """Return points of the body, outline included, at most `spacing_m` apart, (n, 2) [m]."""
+def outline(footprint: Footprint, spacing_m: float) -> NDArray[np.float64]:
+    """Return points of the outline in order, at most `spacing_m` apart, (n, 2) [m]."""
     if not footprint.corners:
         return np.zeros((1, 2))
     points = []
-    shrink = np.linspace(1.0, 0.0, max(1, math.ceil(footprint.reach_m / spacing_m)) + 1)
     for a, b in footprint.sides():
         along = np.linspace(0.0, 1.0, max(1, math.ceil(math.dist(a, b) / spacing_m)) + 1)
         points.append(np.array(a) + along[:-1, np.newaxis] * (np.array(b) - np.array(a)))
-    outline = np.concatenate(points)
-    return np.unique(np.concatenate([outline * s for s in shrink]).round(9), axis=0)
+    return np.concatenate(points)
+
+
+def samples(footprint: Footprint, spacing_m: float) -> NDArray[np.float64]:
+    """Return points of the body, outline included, at most `spacing_m` apart, (n, 2) [m]."""
+    around = outline(footprint, spacing_m)
+    shrink = np.linspace(1.0, 0.0, max(1, math.ceil(footprint.reach_m / spacing_m)) + 1)
+    return np.unique(np.concatenate([around * s for s in shrink]).round(9), axis=0)

@@ -85,6 +85,8 @@ class ApproachConfig:
     hidden_s
         Time for which a person who came nearer and left the beam may stand between two beams [s], 0
         to 60.
+    beside_s
+        The same for one who left it close to the robot, and may have stopped there [s], 0 to 60.
     hidden_m
         Range beyond which a person who leaves one beam enters another [m], 0 to 10.
 
@@ -101,6 +103,7 @@ class ApproachConfig:
     speed_min_m_s: float = 0.2
     walk_m_s: float = 0.8
     hidden_s: float = 1.0
+    beside_s: float = 3.0
     hidden_m: float = 1.5
 
     def __post_init__(self) -> None:
@@ -113,6 +116,7 @@ class ApproachConfig:
             speed_min_m_s=(0.01, 2.0),
             walk_m_s=(0.0, 3.0),
             hidden_s=(0.0, 60.0),
+            beside_s=(0.0, 60.0),
             hidden_m=(0.0, 10.0),
         )
 

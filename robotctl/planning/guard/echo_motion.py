@@ -19,6 +19,8 @@ from robotctl.planning.guard_config import ApproachConfig
 _SLANT: Final = 0.7
 """A wall may be so slanted that it comes nearer by this per way across the beam: the tangent of the
 greatest incidence that gives an echo, 35 degrees."""
+_BESIDE_M: Final = 0.3
+"""Range within which a beam is narrower than a person, who leaves it by half a step [m]."""
 
 
 class ApproachingEcho(NamedTuple):
@@ -50,9 +52,10 @@ class EchoMotion:
         mounts: Sequence[SonarMount],
         config: ApproachConfig = ApproachConfig(),  # noqa: B008
     ) -> None:
-        self._walk_m_s, self._hidden_ns = config.walk_m_s, round(1e9 * config.hidden_s)
+        self._config = config
         self._sights = [_Sight(mount, config) for mount in mounts]
-        self._recent_movers: list[tuple[float, int]] = [(math.inf, -self._hidden_ns)] * len(mounts)
+        long_ago_ns = -round(1e9 * config.hidden_s)
+        self._recent_movers: list[tuple[float, int]] = [(math.inf, long_ago_ns)] * len(mounts)
         """Range [m] and time [ns] at which each sonar last saw something that may move."""
 
     def step(
@@ -107,11 +110,16 @@ class EchoMotion:
         expected = []
         for each, (range_m, stamp_ns) in zip(seen, self._recent_movers, strict=True):
             since_s = (now_ns - stamp_ns) * 1e-9
-            away_m = max(range_m - self._walk_m_s * since_s, 0.0)
-            walks = ApproachingEcho(away_m, self._walk_m_s)
-            is_there = each is STANDS and now_ns - stamp_ns < self._hidden_ns
+            away_m = max(range_m - self._config.walk_m_s * since_s, 0.0)
+            walks = ApproachingEcho(away_m, self._config.walk_m_s)
+            is_there = each is STANDS and since_s < _hidden_s(self._config, range_m)
             expected.append(walks if is_there else each)
         return tuple(expected)
+
+
+def _hidden_s(config: ApproachConfig, range_m: float) -> float:
+    """Return how long what left a beam at a range may stand beside it [s]."""
+    return config.beside_s if range_m < _BESIDE_M else config.hidden_s
 
 
 class _Sight:
@@ -188,7 +196,8 @@ class _Sight:
             self._hide(twist)
             self._count = 0
         seen, seen_ns = self._seen(twist), self._stamp_ns
-        if seen is STANDS and now_ns - self._hidden_ns <= round(1e9 * self._config.hidden_s):
+        since_s = (now_ns - self._hidden_ns) * 1e-9
+        if seen is STANDS and since_s <= _hidden_s(self._config, self._hidden.range_m):
             seen, seen_ns = self._hidden, self._hidden_ns
         if seen is STANDS:
             return seen

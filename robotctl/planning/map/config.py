@@ -205,7 +205,7 @@ class MapConfig:
             person_range_m=(0.0, 20.0),
             recent_s=(0.05, 60.0),
             view_m=(1.0, 20.0),
-            cell_m=(0.02, 0.5),
+            cell_m=(0.01, 0.5),
             around_m=(0.5, 200.0),
         )
         if self.around_m < self.lidar_range_m:

@@ -133,3 +133,25 @@ def test_who_crosses_a_beam_may_be_beside_it_for_a_while_and_a_thing_that_stood_
     assert beside.speed_m_s == crosses.speed_m_s
     assert beside.range_m == pytest.approx(0.6 - 0.3 * crosses.speed_m_s)
     assert motion.expect((STANDS,), walls, (False,), 2_100_000_000) == (STANDS,)
+
+
+def test_who_leaves_a_beam_beside_the_robot_may_stand_there_for_longer():
+    motion, walls = EchoMotion([FRONT]), (2.5,)
+    motion.expect((STANDS,), (0.08,), (True,), 1_000_000_000)
+    (beside,) = motion.expect((STANDS,), walls, (False,), 3_900_000_000)
+    assert beside.range_m == 0.0
+    assert beside.speed_m_s > 0.5
+    assert motion.expect((STANDS,), walls, (False,), 4_100_000_000) == (STANDS,)
+
+
+def test_who_comes_up_to_the_robot_and_leaves_the_beam_may_stand_there_for_longer():
+    motion, still = EchoMotion([FRONT]), Twist(0.0, 0.0)
+    for k in range(1, 38):
+        motion.step((2.0 - 0.05 * k,), (True,), (k * 50_000_000,), still)
+    found = {
+        k: motion.step((3.0,), (True,), (k * 50_000_000,), still)[0].speed_m_s > 0.7
+        for k in range(38, 110)
+    }
+    left_s = 37 * DT_S
+    assert all(found[k] for k in found if k * DT_S - left_s < 2.9)
+    assert not any(found[k] for k in found if k * DT_S - left_s > 3.1)

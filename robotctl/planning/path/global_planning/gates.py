@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from native_kernels.compiled import compiled
+from robotctl.model.footprint_arrays import outline
 from robotctl.planning.map.planning_map import APART, PlanningMap, body_hits
 
 _IN_LINE_M: Final = 0.3
@@ -22,11 +23,12 @@ _IN_LINE_M: Final = 0.3
 _TILTS: Final = np.radians(np.arange(-45.0, 46.0, 1.5))
 """Angles between the way over the cells and the straight piece that are tried [rad]."""
 _OFFSET: Final = 0.25
-"""Distance between the lines that are tried at each angle."""
-_ASIDE: Final = 3.0
-"""How far they lie aside of the narrowest cell at most."""
+_OFFSET_M: Final = 0.005
+"""Least distances between the lines that are tried at each angle, in cells and [m]."""
+_ASIDE_M: Final = 0.15
+"""How far they lie aside of the narrowest cell at most [m]."""
 _STEP: Final = 0.5
-"""Distance between two checks along a line."""
+"""Distance between two checks along a line, and between two points of the outline."""
 _LONGEST: Final = 2.0
 """Length of a line at most, in lengths of the way over the cells that it replaces."""
 
@@ -40,6 +42,14 @@ class Gate(NamedTuple):
     """The same of the cell from which on it does."""
     ends: NDArray[np.float64]
     """(2, 2): x and y of its ends."""
+
+
+class _Body(NamedTuple):
+    """A body as `PlanningMap` has it, and points of its outline, (n, 2)."""
+
+    samples: NDArray[np.float64]
+    discs: NDArray[np.float64]
+    outline: NDArray[np.float64]
 
 
 class _Run(NamedTuple):
@@ -70,12 +80,16 @@ def gated(cells: NDArray[np.int64], space: PlanningMap, margin_m: float) -> Iter
     side_m, roomy, begin = space.grid.resolution_m, space.circumscribed + APART, 0
     half_m = 0.5 * (space.footprint.left_m + space.footprint.right_m)
     narrow = min((half_m + margin_m) / side_m + 1.0, space.circumscribed)
+    around = outline(space.footprint, _STEP * side_m) / side_m
+    body = _Body(space.samples, space.discs, around)
+    offset = max(_OFFSET, _OFFSET_M / side_m)
+    tried = round(_ASIDE_M / side_m / offset)
     for run in _runs(room, narrow, roomy):
         way = points[run.after] - points[run.before]
         longest = _LONGEST * (run.after - run.before) + 2.0 * space.circumscribed
         found, *line = _middle_line(
-            space.blocked, space.clearance, space.samples, space.discs,
-            points[run.narrowest], math.atan2(way[1], way[0]), roomy, longest, _IN_LINE_M / side_m,
+            space.blocked, space.clearance, body, points[run.narrowest],
+            math.atan2(way[1], way[0]), tried, offset, roomy, longest, _IN_LINE_M / side_m,
         )  # fmt: skip
         if not found:
             continue
@@ -107,10 +121,11 @@ def _runs(room: NDArray[np.float32], narrow: float, roomy: float) -> Iterator[_R
 def _middle_line(
     blocked: NDArray[np.bool_],
     clearance: NDArray[np.float32],
-    samples: NDArray[np.float64],
-    discs: NDArray[np.float64],
+    body: _Body,
     middle: NDArray[np.float64],
     direction: float,
+    tried: int,
+    spacing: float,
     roomy: float,
     longest: float,
     lead: float,
@@ -120,34 +135,31 @@ def _middle_line(
     At each angle the lines beside each other that are free make a band: the widest counts, the mean
     of those that are equally wide.
     """
-    count = 2 * int(_ASIDE / _OFFSET) + 1
     widest, ties, tilts, offsets = 0, 0, 0.0, 0.0
     for tilt in _TILTS:
         c, s = math.cos(direction + tilt), math.sin(direction + tilt)
         band = 0
-        for i in range(count):
-            offset = i * _OFFSET - _ASIDE
+        for i in range(-tried, tried + 1):
+            offset = i * spacing
             pose = middle[0] - s * offset, middle[1] + c * offset, direction + tilt
-            length = _free_length(blocked, clearance, samples, discs, pose, 1.0, roomy, longest)
+            length = _free_length(blocked, clearance, body, pose, 1.0, roomy, longest)
             if length >= 0.0:
-                length = _free_length(
-                    blocked, clearance, samples, discs, pose, -1.0, roomy, longest
-                )
+                length = _free_length(blocked, clearance, body, pose, -1.0, roomy, longest)
             band = band + 1 if length >= 0.0 else 0
             if band > widest:
                 widest, ties, tilts, offsets = band, 0, 0.0, 0.0
             if 0 < band == widest:
                 ties += 1
                 tilts += tilt
-                offsets += offset - 0.5 * (band - 1) * _OFFSET
+                offsets += offset - 0.5 * (band - 1) * spacing
     if widest == 0:
         return False, 0.0, 0.0, 0.0, 0.0
     angle, offset = direction + tilts / ties, offsets / ties
     c, s = math.cos(angle), math.sin(angle)
     x, y = middle[0] - s * offset, middle[1] + c * offset
     pose = x, y, angle
-    ahead = _free_length(blocked, clearance, samples, discs, pose, 1.0, roomy, longest)
-    back = _free_length(blocked, clearance, samples, discs, pose, -1.0, roomy, longest)
+    ahead = _free_length(blocked, clearance, body, pose, 1.0, roomy, longest)
+    back = _free_length(blocked, clearance, body, pose, -1.0, roomy, longest)
     if ahead < 0.0 or back < 0.0:
         return False, 0.0, 0.0, 0.0, 0.0
     back += _lead(clearance, (x - back * c, y - back * s), (-c, -s), roomy, lead)
@@ -159,20 +171,23 @@ def _middle_line(
 def _free_length(
     blocked: NDArray[np.bool_],
     clearance: NDArray[np.float32],
-    samples: NDArray[np.float64],
-    discs: NDArray[np.float64],
+    body: _Body,
     pose: tuple[float, float, float],
     gear: float,
     roomy: float,
     longest: float,
 ) -> float:
-    """Return how far the body drives straight from a pose until it can turn; -1: it is stopped."""
+    """Return how far the body drives straight from a pose until it can turn; -1: it is stopped.
+
+    What is in its way it meets with its outline first.
+    """
     x, y, angle = pose
     step_x, step_y = gear * _STEP * math.cos(angle), gear * _STEP * math.sin(angle)
     rows, columns = clearance.shape
     for i in range(int(longest / _STEP)):
         at_x, at_y = x + i * step_x, y + i * step_y
-        if body_hits(blocked, clearance, samples, discs, at_x, at_y, angle):
+        points = body.outline if i > 0 else body.samples
+        if body_hits(blocked, clearance, points, body.discs, at_x, at_y, angle):
             return -1.0
         row, column = math.floor(at_y), math.floor(at_x)
         if 0 <= row < rows and 0 <= column < columns and clearance[row, column] >= roomy:
