@@ -152,8 +152,8 @@ class MapConfig:
         more of it.
     cell_m
         Side of a cell of a map that is drawn from walls, or that the robot without one makes itself
-        [m], 0.02 to 0.5. What is narrower than the body and two cells may be taken for closed;
-        smaller cells take more time.
+        [m], 0.01 to 0.5. What is narrower than the body and two cells may be taken for closed;
+        smaller cells take more time, and each some 80 bytes.
     around_m
         Margin of such a map around goals, and around the robot whenever it comes near the edge [m],
         at least `lidar_range_m`, at most 200.

@@ -133,10 +133,11 @@ class PlanningMap:
         here = self.to_cells(pose)
         return not self.collides(np.array([[here.x_m, here.y_m, here.theta_rad]]))[0]
 
-    def can_turn_at(self, pose: SE2) -> bool:
-        """Return whether the body can turn on the spot at a pose of `world` on the map."""
+    def can_turn_at(self, pose: SE2, margin_m: float) -> bool:
+        """Return whether the body can turn on the spot, with a margin, at a pose on the map."""
         here = self.to_cells(pose)
-        return bool(self.clearance[math.floor(here.y_m), math.floor(here.x_m)] > self.circumscribed)
+        needed = self.circumscribed + margin_m / self.grid.resolution_m
+        return bool(self.clearance[math.floor(here.y_m), math.floor(here.x_m)] > needed)
 
     def gaps_m(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance of the body from blocked cells, for poses (n, 3) in cells, (n,) [m].

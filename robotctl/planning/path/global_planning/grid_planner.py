@@ -4,7 +4,8 @@ First a path is looked for on which the robot could turn anywhere; if there is n
 one, down to where it fits lengthwise. That leads straight through narrow places, where they are
 straight. The body is checked at each pose; a cell at which it would touch something is closed, and
 the search begins again. Where the body cannot turn at the start or the goal, as close beside a
-wall, and no such path is found, one of arcs may lead there.
+wall, and no such path is found, one of arcs may lead there; to a goal also where such a path turns
+without room for that.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.map.planning_map import APART, PlanningMap
 from robotctl.planning.path.global_planning.gates import Gate, gated
@@ -38,6 +41,8 @@ _CLASSES: Final = 250
 """Costs between the margin and comfort."""
 _TRIES: Final = 20
 """Searches with one circle, each with the piece closed that the body did not pass."""
+_TURN_RAD: Final = math.radians(3.0)
+"""Turn that a robot makes on its way: as far as headings may be off on arrival."""
 
 
 class GridPlanner:
@@ -73,7 +78,8 @@ class GridPlanner:
             if isinstance(found, PlanFailure):
                 return replace(found, expanded=expanded)
             if len(found.poses):
-                return replace(found, expanded=expanded)
+                found = replace(found, expanded=expanded)
+                return self._without_a_tight_turn(space, found, start, goal, goes_on)
             # The second circle mostly does; where it does not, few of the others may.
             if i == 1 and self._config.corners == "both":
                 widest = _widest(space, start, goal)
@@ -83,6 +89,18 @@ class GridPlanner:
         if failure.reason is not Reason.NOT_FOUND or near >= space.circumscribed + APART:
             return failure
         return HybridPlanner(self._config).plan(space, start, goal, goes_on)
+
+    def _without_a_tight_turn(
+        self, space: PlanningMap, found: Plan, start: SE2, goal: SE2, goes_on: GoesOn
+    ) -> Plan:
+        """Return one of arcs in place of a path that turns where it has no room, near its end."""
+        for before, pose in pairwise(found.poses[::-1].tolist()):
+            if space.can_turn_at(SE2(*pose), self._config.margin_m):
+                return found
+            if abs(wrap_angle(before[2] - pose[2])) > _TURN_RAD:
+                break
+        arcs = HybridPlanner(self._config).plan(space, start, goal, goes_on)
+        return arcs if isinstance(arcs, Plan) else found
 
     def _search(
         self, space: PlanningMap, radius: float, start: SE2, goal: SE2, goes_on: GoesOn

@@ -42,7 +42,7 @@ def find_way(
     answer = planner.plan(space, start, goal, goes_on)
     if not isinstance(answer, PlanFailure) or answer.reason not in _NO_ROOM:
         return answer
-    can_leave = answer.expanded > _AWAY or (not steered and space.can_turn_at(start))
+    can_leave = answer.expanded > _AWAY or (not steered and space.can_turn_at(start, 0.0))
     if answer.reason is Reason.NOT_FOUND and can_leave:
         return answer
     for on_m, aside_m in _WAYS_OUT_M:

@@ -179,7 +179,7 @@ class Follower:
         turn_rad = wrap_angle(float(track.section.points[-1, 2]) - goal.theta_rad)
         led_there = abs(turn_rad) < self._config.heading_tolerance_rad
         on_map = space.contains(there.x_m, there.y_m)
-        return led_there and on_map and not space.can_turn_at(goal)
+        return led_there and on_map and not space.can_turn_at(goal, self._config.margin_m)
 
     def _is_near(self, pose: SE2, track: Track, *, along: bool) -> bool:
         """Return whether the robot is about to arrive, or along the path to change gear, too."""
@@ -332,9 +332,13 @@ class Follower:
     def _keep_to_path(
         self, situation: LocalSituation, track: Track, problem: RolloutProblem
     ) -> LocalMotion | None:
-        """Stay on the path, at a creep where it must; None: it is not free, or too far beside."""
+        """Stay on the path, at a creep where it must; None: it is not free, or is not kept to.
+
+        A path that leads back to where the narrow place begins is none to keep to.
+        """
         pose, side_m = self._soon(situation), situation.space.grid.resolution_m
-        if abs(track.reference(pose).beside_m) > self._config.beside_m:
+        here = track.reference(pose)
+        if abs(here.beside_m) > self._config.beside_m or abs(here.turned_rad) > 0.5 * math.pi:
             return None
         wanted = self._arrival.keep_to(pose, track, situation.speed_m_s)
         creeps = min(1.0, self._config.creep_m_s / max(abs(wanted.v_m_s), _STILL))
