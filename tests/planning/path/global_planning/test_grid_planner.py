@@ -261,3 +261,27 @@ def test_a_way_that_a_zone_closes_names_it():
 def plan_to(space, start, goal):
     planner = PLANNERS["astar"](PlannerConfig())
     return planner.plan(space, SE2(*start, 0.0), SE2(*goal, 0.0))
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    gap_m=st.floats(0.03, 0.2),
+    begin=st.tuples(st.floats(1.0, 5.0), st.floats(1.0, 3.0), st.floats(-math.pi, math.pi)),
+    side_m=st.sampled_from([0.05, 0.02]),
+)
+def test_a_path_to_a_goal_beside_a_wall_turns_only_where_there_is_room_for_its_margin(
+    gap_m, begin, side_m
+):
+    body, margin_m = Footprint(((0.2, -0.15), (0.2, 0.15), (-0.15, 0.15), (-0.15, -0.15))), 0.05
+    cells = np.zeros((round(5.0 / side_m), round(6.0 / side_m)), np.int8)
+    cells[-round(1.0 / side_m) :] = 100  # from y = 4 m on
+    space = PlanningMap(GridMap(cells, side_m), body)
+    goal = SE2(3.0, 4.0 - 0.15 - gap_m, 0.0)
+    config = PlannerConfig(margin_m=margin_m, turning_radius_m=0.3)
+    answer = PLANNERS["astar"](config).plan(space, SE2(*begin), goal)
+    assert isinstance(answer, Plan)
+    np.testing.assert_allclose(answer.poses[-1], [goal.x_m, goal.y_m, 0.0], atol=1e-9)
+    for (ax, ay, a), (bx, by, b) in pairwise(answer.poses.tolist()):
+        turn_rad = abs(math.remainder(b - a, math.tau))
+        if math.dist((ax, ay), (bx, by)) < 1e-6 and turn_rad > math.radians(3.1):
+            assert 4.0 - by > body.reach_m + margin_m - side_m
