@@ -49,7 +49,7 @@ def way(rng: np.random.Generator, order: int) -> NDArray[np.float64]:
         points = points[:: max(1, len(points) // CORNERS)]
         if rng.random() < 0.5:
             points = points[::-1]
-        if len(points) > 1 and np.hypot(points[0, 0], points[0, 1] + ENDS_M) > AWAY_M:
+        if len(points) > order + 1 and np.hypot(points[0, 0], points[0, 1] + ENDS_M) > AWAY_M:
             return points
 
 

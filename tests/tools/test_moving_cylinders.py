@@ -18,8 +18,8 @@ def test_a_way_is_a_part_of_a_polynomial_from_edge_to_edge(order):
     for _ in range(20):
         x, y = way(rng, order).T
         assert np.abs([x, y]).max() <= HALF_M
-        fitted = np.polyval(np.polyfit(x, y, order), x)
-        np.testing.assert_allclose(fitted, y, atol=1e-6)
+        fitted = np.polynomial.Polynomial.fit(x, y, order)
+        np.testing.assert_allclose(fitted(x), y, atol=1e-6)
 
 
 @pytest.mark.parametrize("number", range(6))
