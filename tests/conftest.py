@@ -27,6 +27,8 @@ settings.register_profile(
     "mutants", deadline=None, derandomize=True, phases=set(Phase) - {Phase.shrink, Phase.explain}
 )
 settings.load_profile("robotctl")
+# What a test gives a terminal is one that knows colours, wherever the tests themselves run.
+os.environ["TERM"] = "xterm-256color"
 
 
 def recordings_folder() -> Path:
