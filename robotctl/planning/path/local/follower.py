@@ -40,6 +40,8 @@ _SWING_M: Final = 0.0025
 what the obstacle guard takes for turning beside it."""
 _NARROW_M: Final = 0.7
 """Distance ahead of a narrow place from which on the robot keeps to its path [m]."""
+_BESIDE_WALL_M: Final = 1.0
+"""The same before a goal where it cannot turn."""
 _STILL: Final = 1e-3
 """Velocity below which the robot stands [m/s, rad/s]: rounding."""
 _TOUCHED: Final = "something touches the robot"
@@ -130,7 +132,8 @@ class Follower:
             problem.space, problem.body, problem.tight,
             problem.path[: math.ceil(_NARROW_M / track.section.spacing_m)],
         )  # fmt: skip
-        along = self._steered or narrow or self._is_hemmed_in(situation, track)
+        narrow = narrow or self._is_hemmed_in(situation, track)
+        along = self._steered or narrow
         if self._is_near(situation.pose, track, along=along):
             return self._arrive(situation, track, problem, along=along)
         if self._backing_m > 0.0:
@@ -172,8 +175,8 @@ class Follower:
 
     def _is_hemmed_in(self, situation: LocalSituation, track: Track) -> bool:
         """Return whether the path leads to the goal's heading, and the robot cannot turn there."""
-        goal, near_m = track.goal, 1.5 * self._arrival.near_m
-        if not track.is_last or track.remaining_m > near_m:
+        goal = track.goal
+        if not track.is_last or track.remaining_m > _BESIDE_WALL_M:
             return False
         space, there = situation.space, situation.space.to_cells(goal)
         turn_rad = wrap_angle(float(track.section.points[-1, 2]) - goal.theta_rad)

@@ -247,7 +247,7 @@ def test_it_keeps_to_its_path_through_a_door_that_hardly_leaves_room(name, seed,
     pytest.fail(f"not there, but at {pose}")
 
 
-@pytest.mark.parametrize("beside_m", [0.05, 0.15])
+@pytest.mark.parametrize("beside_m", [0.05, 0.08, 0.11, 0.15])
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("back", [False, True], ids=["there", "and back"])
 def test_it_parks_along_a_wall_where_it_cannot_turn(seed, beside_m, back):
