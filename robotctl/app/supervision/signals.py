@@ -49,6 +49,23 @@ class StopFlag:
         return self._stopped
 
 
+class CtrlC:
+    """Ctrl-C as KeyboardInterrupt, also where Python drops that: while it frees an object."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        signal.signal(signal.SIGINT, self._on_signal)
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        self._asked = True
+        raise KeyboardInterrupt
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if there was a Ctrl-C; a loop calls it that would go on."""
+        if self._asked:
+            raise KeyboardInterrupt
+
+
 class EmergencySignal:
     """SIGUSR1: an emergency stop that needs no socket, no supervisor and no network.
 

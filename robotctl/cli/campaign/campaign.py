@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 from typer.exceptions import TyperException
 
+from robotctl.app.supervision.signals import CtrlC
 from robotctl.cli.campaign.corpus import ROBOTCTL, keep_failures, run_again
 from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
@@ -103,11 +104,11 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     from robotctl.workbench.campaign.results import HEAD, PAGE, ResultFolder, head_of  # noqa: PLC0415
 
     loaded = load_campaign(file, _option_problem)
-    if loaded.buses:
-        options = {"--scheduler": scheduler, "--workers": count, "--corpus": corpus}
-        if unfit := next((name for name, value in options.items() if value), ""):
-            why = "one run at a time on each bus of this computer, and none is twice the same"
-            raise ConfigError(f"{unfit}: not allowed with buses in {file}: {why}")
+    options = {"--scheduler": scheduler, "--workers": count, "--corpus": corpus}
+    unfit = next((name for name, value in options.items() if value), "")
+    if loaded.buses and unfit:
+        why = "one run at a time on each bus of this computer, and none is twice the same"
+        raise ConfigError(f"{unfit}: not allowed with buses in {file}: {why}")
     runs = plan(loaded)
     files = files_of(loaded)
     prints = fingerprint(loaded, files), sources_fingerprint()
@@ -117,6 +118,7 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     from robotctl.workbench.campaign.boundary import batches  # noqa: PLC0415
     from robotctl.workbench.campaign.engine import WorkersLost, drive, refusals  # noqa: PLC0415
 
+    ctrl_c = CtrlC()
     try:
         with _workers(scheduler, count, files, loaded.buses) as chosen:
             if not (place / HEAD).exists():
@@ -126,8 +128,13 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
                     raise ConfigError("\n".join(refused))
             with (
                 ResultFolder(place, head) as kept,
-                _progress(console, head, len(kept.done)) as tell,
+                _progress(console, head, len(kept.done)) as show,
             ):
+
+                def tell(result: Result) -> None:
+                    ctrl_c.check()
+                    show(result)
+
                 in_turn = batches(loaded, kept.passes)
                 drive(in_turn, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
             for worker, reason in chosen.dismissed.items():
