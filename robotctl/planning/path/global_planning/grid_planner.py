@@ -99,6 +99,8 @@ class GridPlanner:
                 return found
             if abs(wrap_angle(before[2] - pose[2])) > _TURN_RAD:
                 break
+        else:  # it only drives straight on
+            return found
         arcs = HybridPlanner(self._config).plan(space, start, goal, goes_on)
         return arcs if isinstance(arcs, Plan) else found
 
