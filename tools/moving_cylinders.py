@@ -1,11 +1,10 @@
 """Fields of moving cylinders: `tools/moving_cylinders.py FOLDER`.
 
-Writes worlds after the rules of DynaBARN (Nair, Jiang, Hou, Xu, Li, Shu, Stone, Xiao: DynaBARN:
-Benchmarking Metric Ground Navigation in Dynamic Environments, SSRR 2022), and `cylinders.toml` for
-`robotctl campaign`: through a square of 20 m, without a map, where cylinders go to and fro along
-polynomials through random points, from edge to edge, and evade nobody. Each cylinder keeps its
-speed, and is a person to our simulator, 0.22 m in radius: there they have 0.5 m. By turns there are
-few slow, more, and many fast ones.
+Writes worlds like those of DynaBARN (Nair et al., Benchmarking Metric Ground Navigation in Dynamic
+Environments, SSRR 2022), and `cylinders.toml` for `robotctl campaign`: through a square of 20 m,
+without a map, where cylinders go to and fro along polynomials through random points and evade
+nobody. Each keeps its speed and is a person to our simulator, 0.22 m in radius; there speeds change
+and radii are 0.5 m. By turns there are few slow, more, and many fast ones, in numbers of our own.
 """
 
 from __future__ import annotations

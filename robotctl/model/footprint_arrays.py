@@ -42,19 +42,19 @@ def discs(footprint: Footprint) -> NDArray[np.float64]:
     return covering
 
 
-def outline(footprint: Footprint, spacing_m: float) -> NDArray[np.float64]:
-    """Return points of the outline in order, at most `spacing_m` apart, (n, 2) [m]."""
-    if not footprint.corners:
-        return np.zeros((1, 2))
+def outline(corners: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return points round a polygon in order, at most a spacing apart, corners included, (m, 2)."""
     points = []
-    for a, b in footprint.sides():
-        along = np.linspace(0.0, 1.0, max(1, math.ceil(math.dist(a, b) / spacing_m)) + 1)
-        points.append(np.array(a) + along[:-1, np.newaxis] * (np.array(b) - np.array(a)))
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = math.ceil(math.dist(a, b) / spacing)
+        points.append(a + (b - a) * (np.arange(count) / count)[:, np.newaxis])
     return np.concatenate(points)
 
 
 def samples(footprint: Footprint, spacing_m: float) -> NDArray[np.float64]:
     """Return points of the body, outline included, at most `spacing_m` apart, (n, 2) [m]."""
-    around = outline(footprint, spacing_m)
+    if not footprint.corners:
+        return np.zeros((1, 2))
+    around = outline(np.array(footprint.corners), spacing_m)
     shrink = np.linspace(1.0, 0.0, max(1, math.ceil(footprint.reach_m / spacing_m)) + 1)
     return np.unique(np.concatenate([around * s for s in shrink]).round(9), axis=0)

@@ -61,7 +61,7 @@ class CtrlC:
         raise KeyboardInterrupt
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if there was a Ctrl-C; a loop calls it that would go on."""
+        """Raise KeyboardInterrupt if there was a Ctrl-C; for loops, in case it was dropped."""
         if self._asked:
             raise KeyboardInterrupt
 

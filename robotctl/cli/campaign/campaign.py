@@ -107,7 +107,7 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     options = {"--scheduler": scheduler, "--workers": count, "--corpus": corpus}
     unfit = next((name for name, value in options.items() if value), "")
     if loaded.buses and unfit:
-        why = "one run at a time on each bus of this computer, and none is twice the same"
+        why = "such runs go on this computer, one on each bus, and cannot be repeated exactly"
         raise ConfigError(f"{unfit}: not allowed with buses in {file}: {why}")
     runs = plan(loaded)
     files = files_of(loaded)

@@ -80,7 +80,9 @@ def gated(cells: NDArray[np.int64], space: PlanningMap, margin_m: float) -> Iter
     side_m, roomy, begin = space.grid.resolution_m, space.circumscribed + APART, 0
     half_m = 0.5 * (space.footprint.left_m + space.footprint.right_m)
     narrow = min((half_m + margin_m) / side_m + 1.0, space.circumscribed)
-    around = outline(space.footprint, _STEP * side_m) / side_m
+    around = space.samples
+    if space.footprint.corners:
+        around = outline(np.array(space.footprint.corners) / side_m, _STEP)
     body = _Body(space.samples, space.discs, around)
     offset = max(_OFFSET, _OFFSET_M / side_m)
     tried = round(_ASIDE_M / side_m / offset)

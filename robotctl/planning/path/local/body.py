@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from native_kernels.compiled import borrows, compiled
 from robotctl.model.footprint import Footprint
-from robotctl.model.footprint_arrays import discs
+from robotctl.model.footprint_arrays import discs, outline
 from robotctl.planning.map.planning_map import APART
 
 SPACING: Final = 0.25
@@ -72,21 +72,12 @@ def make_body(footprint: Footprint, margin_m: float | Sequence[float], resolutio
     grown = Footprint(tuple(corners))
     scale = np.array([1.0, 1.0, 1.0 / resolution_m])
     return Body(
-        _outline(np.array(corners) / resolution_m, SPACING),
-        _outline(np.array(corners) / resolution_m, COARSE),
+        outline(np.array(corners) / resolution_m, SPACING),
+        outline(np.array(corners) / resolution_m, COARSE),
         discs(grown) / resolution_m,
         np.array(sides) * scale,
         grown.reach_m / resolution_m,
     )
-
-
-def _outline(corners: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return points round a polygon, at most a spacing apart, corners included."""
-    points = []
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        count = math.ceil(math.dist(a, b) / spacing)
-        points.append(a + (b - a) * (np.arange(count) / count)[:, np.newaxis])
-    return np.concatenate(points)
 
 
 @compiled
