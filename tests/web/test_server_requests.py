@@ -92,14 +92,13 @@ def test_the_robot_follows_the_sticks_of_its_driver_alone(served):
         two.synchronise()
         two.send("GoTo", id=4, at_ms=two.at_ms(), x_m=1.0, y_m=1.0, heading_rad=None)
         assert "drives" in two.read("Refused")["reason"]
-        served.robot.navigation.clear()
         drive(two, 0.2, forward=-1.0)
         assert not [each for each in of(served.robot.navigation, ManualControl) if each.forward < 0]
         two.send("TakeDriving", id=5, at_ms=two.at_ms())
         asked = one.read("Driver", where=lambda message: message["asking"] is not None)
         one.send("GiveDriving")
         assert two.read("Driver", where=lambda m: m["client"] == asked["asking"])
-        assert served.robot.navigation[-1].forward == 0.0
+        assert of(served.robot.navigation, ManualControl)[-1].forward == 0.0
 
 
 def test_sticks_that_were_recorded_and_are_sent_again_do_nothing(served):

@@ -58,6 +58,7 @@ def test_the_times_of_navigation_are_shown_by_part(robot, open_page):
     page = open_page()
     page.get_by_role("tab", name="Nodes").click()
     table = page.locator("table", has_text="Steps of navigation every 50 ms; 3 of 400 took longer")
+    table.wait_for()
     rows = [each.inner_text().split("\t") for each in table.locator("tbody tr").all()]
     assert rows == [["in all", "9.0", "21.5"], ["steer", "7.3", "17.0"]]
 
