@@ -42,6 +42,9 @@ PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 LEFT = ("opt/robotctl", "usr/bin/robotctl", "etc/robotctl", "etc/systemd/system/robotctl.service")
 """What the package and `robotctl install` bring, and a removal takes away."""
+OF_OLD = "opt/robotctl/lib/of_an_older_version.py"
+"""What only the older package has, from which the trial updates."""
+KEPT = "# this line is the user's own\n"
 
 
 class NotRunError(Exception):
@@ -103,8 +106,8 @@ def try_wheel(folder: Path, release: Path, out: Path, requirements: Path, uv: st
 
 
 def try_deb(folder: Path, release: Path, out: Path) -> None:
-    """Install the package into a fresh Debian, try it, install a robot, and remove both."""
-    _need("mmdebstrap", "unshare", "chroot")
+    """In a fresh Debian install a robot by an older package, update it, try it, remove all."""
+    _need("mmdebstrap", "unshare", "chroot", "dpkg-deb")
     if os.geteuid() != 0:
         raise NotRunError("needs root, to enter another Debian")
     if PYTHON not in RELEASES:
@@ -113,20 +116,40 @@ def try_deb(folder: Path, release: Path, out: Path) -> None:
     root = folder / "root"
     _do(["mmdebstrap", "--quiet", "--variant=apt", RELEASES[PYTHON], str(root)])
     shutil.copy(package, root)
+    older = write_older(package, root / "older.deb", folder / "older")
     enter = ["unshare", "--mount", "--pid", "--fork", f"--mount-proc={root}/proc"]
     enter += ["chroot", str(root), "env", "-i", f"PATH={PATH}", "HOME=/root"]
     enter += ["DEBIAN_FRONTEND=noninteractive", "sh", "-c"]
-    install = f"apt-get install --quiet=2 --yes --no-install-recommends /{package.name}"
-    _do([*enter, f"apt-get update --quiet=2 && {install}"])
+    install = "apt-get install --quiet=2 --yes --no-install-recommends"
+    _do([*enter, f"apt-get update --quiet=2 && {install} /{older.name}"])
+    _do([*enter, "robotctl install --robot diff_drive"])
+    with (root / "etc/robotctl/robot.toml").open("a") as file:
+        file.write(KEPT)
+    _do([*enter, f"{install} /{package.name}"])
+    if (root / OF_OLD).exists():
+        raise FailedError(f"the update has left {OF_OLD}")
+    if not (root / "etc/robotctl/robot.toml").read_text().endswith(KEPT):
+        raise FailedError("the update has lost what the user wrote into etc/robotctl/robot.toml")
     (root / "out").mkdir()
     _do([*enter, TRIAL, "trial", "/out", "/opt", "/root", "/tmp"])
     shutil.copytree(root / "out", out, dirs_exist_ok=True)
-    _do([*enter, "robotctl install --robot diff_drive"])
     if missing := [name for name in LEFT if not os.path.lexists(root / name)]:
         raise FailedError(f"not installed: {', '.join(missing)}")
     _do([*enter, "apt-get purge --quiet=2 --yes robotctl"])
     if left := [name for name in LEFT if os.path.lexists(root / name)]:
         raise FailedError(f"left after it was purged: {', '.join(left)}")
+
+
+def write_older(package: Path, older: Path, folder: Path) -> Path:
+    """Write a package as the given one, of a lower version and with a file more."""
+    _do(["dpkg-deb", "--raw-extract", str(package), str(folder)])
+    control = folder / "DEBIAN/control"
+    lines = control.read_text().splitlines()
+    lines = ["Version: 0~older" if each.startswith("Version:") else each for each in lines]
+    control.write_text("\n".join(lines) + "\n")
+    (folder / OF_OLD).write_text("")
+    _do(["dpkg-deb", "--build", "--root-owner-group", "-Znone", str(folder), str(older)])
+    return older
 
 
 def try_image(release: Path, out: Path) -> None:
