@@ -131,7 +131,8 @@ release: $(STAMP) ## wheels, Debian package, image, bills of materials, audit, s
 		status=$$?; cat $(RELEASE)/audit.txt; exit $$status
 	@$(UV) build --quiet --system-certs --out-dir $(RELEASE) && rm -f $(RELEASE)/.gitignore
 	@$(PY) tools/wheel_kernels.py $(KERNELS)
-	@ROBOTCTL_KERNELS=$(CURDIR)/$(KERNELS) $(UV) build --quiet --system-certs --wheel --out-dir build/platform
+	@for kernels in $(CURDIR)/$(KERNELS)/*; do \
+		ROBOTCTL_KERNELS=$$kernels $(UV) build --quiet --system-certs --wheel --out-dir build/platform || exit; done
 	@$(AUDITWHEEL) repair --wheel-dir $(RELEASE) build/platform/*.whl
 	@$(EXPORT) --no-emit-project > $(REQUIREMENTS)
 	@$(PY) tools/write_deb.py --uv $(UV) --requirements $(REQUIREMENTS) --wheels $(RELEASE) --into $(RELEASE)

@@ -58,11 +58,11 @@ def library_path(package: str) -> Path:
     return Path(cache_of(package).folder) / name
 
 
-def wheel_library_path(package: str) -> Path:
-    """Return where the library of exactly these sources lies that a wheel brings along."""
+def wheel_library_path(package: str, machine: str = "") -> Path:
+    """Return where a wheel's library of exactly these sources lies; `machine`: "" is this kind."""
     own = cache_of(package)
-    name = f"kernels-{own.digest}-{sys.implementation.cache_tag}-{platform.machine()}.so"
-    return own.package / name
+    kind = f"{sys.implementation.cache_tag}-{machine or platform.machine()}"
+    return own.package / f"kernels-{own.digest}-{kind}.so"
 
 
 def found_library(package: str) -> Path | None:

@@ -285,16 +285,22 @@ def _early_root(root: Path, folder: Path) -> None:
     shutil.rmtree(early)
 
 
-def stick(computer: Computer, folder: Path) -> tuple[Path, str]:
-    """Return a disk with all wheels, the robot's files and the scenes, and what the wheel is."""
+def stick(computer: Computer, folder: Path, release: Path | None) -> tuple[Path, str]:
+    """Return a disk with robotctl, the robot's files and the scenes, and the digest of robotctl.
+
+    That is the package of a release, or else the wheel of this checkout with all others.
+    """
     content = folder / "stick"
-    shutil.copytree(_dependencies(computer), content / "wheels", copy_function=os.link)
-    wheel = _wheel(computer, folder)
-    shutil.copy(wheel, content / "wheels")
-    with zipfile.ZipFile(next((content / "wheels").glob("uv-*.whl"))) as archive:
-        program = next(each for each in archive.namelist() if each.endswith("/scripts/uv"))
-        (content / "uv").write_bytes(archive.read(program))
-    (content / "uv").chmod(0o755)
+    content.mkdir()
+    if release is None:
+        artefact = _wheel(computer, folder)
+        _put_wheels(computer, artefact, content)
+    else:
+        found = sorted(release.glob(f"robotctl_*_{computer.debian}.deb"))
+        if len(found) != 1:
+            raise GuestError(f"{release}: {len(found)} packages for {computer.debian}, not one")
+        (artefact,) = found
+        shutil.copy(artefact, content / "robotctl.deb")
     shutil.copy(ROOT / "configs/diff_drive.toml", content / "robot.toml")
     (content / "circle.toml").write_text(MISSION)
     shutil.copy(ROOT / "tools/arm_guest_scenes.py", content)
@@ -304,7 +310,17 @@ def stick(computer: Computer, folder: Path) -> tuple[Path, str]:
         file.truncate(size * 5 // 4 + 2**25)
     run(["mkfs.ext4", "-q", "-O", "^has_journal", "-d", content, disk])
     shutil.rmtree(content)
-    return disk, hashlib.sha256(wheel.read_bytes()).hexdigest()[:12]
+    return disk, hashlib.sha256(artefact.read_bytes()).hexdigest()[:12]
+
+
+def _put_wheels(computer: Computer, wheel: Path, content: Path) -> None:
+    """Put a wheel on the stick, those that it needs, and uv, which installs them."""
+    shutil.copytree(_dependencies(computer), content / "wheels", copy_function=os.link)
+    shutil.copy(wheel, content / "wheels")
+    with zipfile.ZipFile(next((content / "wheels").glob("uv-*.whl"))) as archive:
+        program = next(each for each in archive.namelist() if each.endswith("/scripts/uv"))
+        (content / "uv").write_bytes(archive.read(program))
+    (content / "uv").chmod(0o755)
 
 
 def _dependencies(computer: Computer) -> Path:

