@@ -5,7 +5,7 @@ between wide regions: Thrun, Artificial Intelligence 99(1), 1998). From the wide
 join the region beside them; where two regions meet, they become one unless the neck is no wider
 than a door and clearly narrower than both. Regions are divided further where corridors meet.
 Halls are divided by what stands in them: at necks of any width, so that the gaps between shelves
-and the bays along the walls become places.
+and the bays along the walls become places. Open floor is halved until it is seen from its middle.
 """
 
 from __future__ import annotations
@@ -164,7 +164,6 @@ def _topology(
 
     Regions without a kind get it by their shape.
     """
-    can_stand = room_m >= radius_m
     regions, sizes = np.unique(labels[labels >= 0], return_counts=True)
     regions = regions[np.argsort(-sizes, kind="stable")]
     rank = np.full(labels.max() + 1, -1)
@@ -174,11 +173,23 @@ def _topology(
     for number, region in enumerate(regions.tolist()):
         inside = labels == number
         depths_m = middle_depth_m(inside, depth_m, radius_m, grid.resolution_m)
-        places.append(_place(grid, inside, kinds.get(region), depths_m, can_stand, number))
+        middle = _middle(depths_m, room_m, radius_m, grid.resolution_m)
+        places.append(_place(grid, inside, kinds.get(region), depths_m, middle, number))
     passages = _passages(grid, labels, depth_m, places)
     numbers = {place.name: number for number, place in enumerate(places)}
     whole = [described(grid, labels, room_m, each, passages, numbers) for each in places]
     return Topology(TopologicalMap(tuple(whole), tuple(passages)), labels)
+
+
+def _middle(
+    depths_m: NDArray[np.float64], room_m: NDArray[np.float64], radius_m: float, side_m: float
+) -> NDArray[np.int64]:
+    """Return the middle of a place: its widest spot where a robot has room beside what stands."""
+    for least_m in (2.0 * radius_m, radius_m):
+        spots_m = np.where(room_m >= least_m, depths_m, 0.0)
+        if spots_m.any():
+            return middle_of(spots_m, side_m)
+    return middle_of(depths_m, side_m)
 
 
 def _place(
@@ -186,14 +197,12 @@ def _place(
     inside: NDArray[np.bool_],
     kind: PlaceKind | None,
     depths_m: NDArray[np.float64],
-    can_stand: NDArray[np.bool_],
+    middle: NDArray[np.int64],
     number: int,
 ) -> TopologicalPlace:
     """Return a place, without its passages and what it looks like."""
     area_m2 = float(np.count_nonzero(inside)) * grid.resolution_m**2
     width_m = 2.0 * float(depths_m.max())
-    free = np.where(can_stand, depths_m, 0.0)
-    middle = middle_of(free if free.any() else depths_m)
     if kind is None:
         kind = "corridor" if area_m2 >= CORRIDOR * width_m**2 else "room"
     x_m, y_m = grid.centre_of(middle[None])[0].tolist()
@@ -225,7 +234,7 @@ def _passages(
             room_m = _room_m(border & (parts == part), labels, (a, b), depth_m, grid.resolution_m)
             if not room_m.any():  # two places of an open floor touch in a corner
                 continue
-            cell = middle_of(room_m)
+            cell = middle_of(room_m, grid.resolution_m)
             x_m, y_m = grid.centre_of(cell[None])[0].tolist()
             length_m = sum(_apart_m(places[end], x_m, y_m) for end in (a, b))
             name, width_m = f"passage {len(result) + 1}", 2.0 * float(room_m.max())
@@ -242,8 +251,15 @@ def _room_m(
     side_m: float,
 ) -> NDArray[np.float64]:
     """Return how far the cells of a border are from walls and other places [m], 0 elsewhere."""
-    away = ndimage.distance_transform_edt((labels < 0) | np.isin(labels, between)) - 1.5
-    return np.where(border, np.minimum(depth_m, np.maximum(away, 0.0) * side_m), 0.0)
+    cells = np.argwhere(border)
+    margin = int(depth_m[border].max() / side_m) + 3
+    low, high = np.maximum(cells.min(axis=0) - margin, 0), cells.max(axis=0) + margin + 1
+    window = tuple(map(slice, low.tolist(), high.tolist()))
+    others = (labels[window] >= 0) & ~np.isin(labels[window], between)
+    away = ndimage.distance_transform_edt(~np.pad(others, 1, constant_values=True))[1:-1, 1:-1]
+    room_m = np.zeros(labels.shape)
+    room_m[window] = np.minimum(depth_m[window], np.maximum(away - 1.5, 0.0) * side_m)
+    return np.where(border, room_m, 0.0)
 
 
 def _apart_m(place: TopologicalPlace, x_m: float, y_m: float) -> float:

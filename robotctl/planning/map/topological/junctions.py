@@ -3,7 +3,8 @@
 Floor is corridor where it runs straight on for longer than `LONG` times its width, which is that of
 the largest free circle over a spot (local thickness: Hildebrand and Rüegsegger, Journal of
 Microscopy 185(1), 1997). Where it does so in two directions that are `APART_DEG` apart or more,
-corridors meet. Only floor off the walls counts, so niches, door frames and the ragged walls of a
+corridors meet; junctions that touch, as along a row of shelves, are divided at the necks between
+them. Only floor off the walls counts, so niches, door frames and the ragged walls of a
 scanned map do not.
 """
 

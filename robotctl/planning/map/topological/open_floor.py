@@ -33,9 +33,9 @@ def middle_depth_m(
     return np.where(inside, depths, 0.0)
 
 
-def middle_of(depths_m: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return row and column of the deepest cell, of several the one nearest to their mean."""
-    spots = np.argwhere(depths_m == depths_m.max())
+def middle_of(depths_m: NDArray[np.float64], side_m: float) -> NDArray[np.int64]:
+    """Return row and column of the cell nearest to the mean of the deepest, to a cell's side."""
+    spots = np.argwhere(depths_m > depths_m.max() - side_m)
     middle: NDArray[np.int64] = spots[np.argmin(np.sum((spots - spots.mean(axis=0)) ** 2, axis=1))]
     return middle
 
@@ -63,7 +63,7 @@ def with_open_floor(
         inside = labels == (region := waiting.pop())
         if np.count_nonzero(inside) * side_m**2 < _LARGE_M2:
             continue
-        middle = middle_of(middle_depth_m(inside, depth_m, radius_m, side_m))
+        middle = middle_of(middle_depth_m(inside, depth_m, radius_m, side_m), side_m)
         if _seen_share(inside, depth_m > 0.0, middle, side_m) >= _SHARE:
             continue
         waiting += _halve(labels, inside, region)

@@ -21,6 +21,8 @@ _NARROWER: Final = 0.5
 """Largest width of a corridor without a door, as a share of the open area's that it leads off."""
 _NARROWER_IN_HALL: Final = 0.6
 """The same share of a hall's width, which what stands in the hall makes smaller."""
+_AROUND_CELLS: Final = 10.0
+"""Deviation of the weights by which floor around a cell counts [cells]."""
 _FINER: Final = 0.8
 """Ratio of the circles by which bays of a hall are found."""
 _CORRIDOR_WIDTH_M: Final = 1.0
@@ -53,7 +55,9 @@ def floor_regions(
     columns = depths.shape[1]
     flat = depths.ravel().tolist()
     steps = [row * columns + column for row, column in _BESIDE]
-    order = np.argsort(-depths.ravel(), kind="stable")
+    # Of cells as deep, those near wide floor come first: borders are halfway along a narrow place.
+    around = ndimage.gaussian_filter(depths, _AROUND_CELLS)
+    order = np.lexsort((-around.ravel(), -depths.ravel()))
     label = [-1] * len(flat)
     parent: list[int] = []
     widest: list[float] = []
