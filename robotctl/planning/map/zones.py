@@ -67,7 +67,7 @@ def path_prices(
     """
     prices = [each for mask in closed.masks if (each := mask.prices(grid)) is not None]
     if limits_m_s is not None:
-        prices.append(full_speed_m_s / limits_m_s)
+        prices.append(np.maximum(full_speed_m_s / limits_m_s, 1.0))
     if not prices:
         return None
     longer: NDArray[np.float32] = np.clip(np.prod(prices, axis=0), 1.0, _DEAREST)

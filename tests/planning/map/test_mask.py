@@ -112,9 +112,9 @@ def test_a_value_below_100_makes_a_path_longer_by_a_25th_of_it():
     assert speed_limits(grid, closed, 1.0) is None
     prices = path_prices(grid, closed, None, 1.0)
     assert prices[0] == pytest.approx([1.0, 1.04, 2.0, 3.0, 4.96, 1.0])
-    limits = np.full((1, 6), 0.25, np.float32)  # and slow everywhere: ten times at most
+    limits = np.array([[0.25, 0.25, 0.25, 0.25, math.inf, math.inf]], np.float32)  # and slow
     assert path_prices(grid, closed, limits, 1.0)[0] == pytest.approx(
-        [4.0, 4.16, 8.0, 10.0, 10.0, 4.0]
+        [4.0, 4.16, 8.0, 10.0, 4.96, 1.0]
     )
 
 

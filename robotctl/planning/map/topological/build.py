@@ -35,6 +35,7 @@ from robotctl.planning.map.topological.open_floor import (
 )
 from robotctl.planning.map.topological.regions import (
     CORRIDOR,
+    DOOR_M,
     floor_regions,
     hall_cells,
     hall_parts,
@@ -259,7 +260,9 @@ def _room_m(
     away = ndimage.distance_transform_edt(~np.pad(others, 1, constant_values=True))[1:-1, 1:-1]
     room_m = np.zeros(labels.shape)
     room_m[window] = np.minimum(depth_m[window], np.maximum(away - 1.5, 0.0) * side_m)
-    return np.where(border, room_m, 0.0)
+    # A door stays a passage where a third place is beside it.
+    is_door = depth_m[border].max() <= 0.5 * DOOR_M
+    return np.where(border, depth_m if is_door else room_m, 0.0)
 
 
 def _apart_m(place: TopologicalPlace, x_m: float, y_m: float) -> float:
