@@ -36,6 +36,7 @@ from robotctl.planning.map.topological.open_floor import (
 from robotctl.planning.map.topological.regions import (
     CORRIDOR,
     DOOR_M,
+    around,
     floor_regions,
     hall_cells,
     hall_parts,
@@ -252,10 +253,7 @@ def _room_m(
     side_m: float,
 ) -> NDArray[np.float64]:
     """Return how far the cells of a border are from walls and other places [m], 0 elsewhere."""
-    cells = np.argwhere(border)
-    margin = int(depth_m[border].max() / side_m) + 3
-    low, high = np.maximum(cells.min(axis=0) - margin, 0), cells.max(axis=0) + margin + 1
-    window = tuple(map(slice, low.tolist(), high.tolist()))
+    window = around(border, int(depth_m[border].max() / side_m) + 3)
     others = (labels[window] >= 0) & ~np.isin(labels[window], between)
     away = ndimage.distance_transform_edt(~np.pad(others, 1, constant_values=True))[1:-1, 1:-1]
     room_m = np.zeros(labels.shape)

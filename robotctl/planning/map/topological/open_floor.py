@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.planning.map.topological.appearance import REACH_M
+from robotctl.planning.map.topological.regions import around
 
 _SHARE: Final = 0.9
 """Least share of a region that is seen from its middle, within a lidar's reach."""
@@ -28,9 +29,12 @@ def middle_depth_m(
 
     Regions begin `radius_m` off the walls.
     """
-    inner: NDArray[np.float64] = ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
-    depths: NDArray[np.float64] = np.minimum(depth_m, (inner + 0.5) * side_m + radius_m)
-    return np.where(inside, depths, 0.0)
+    depths = np.zeros(inside.shape)
+    window = around(inside, margin=0)
+    inner = ndimage.distance_transform_edt(np.pad(inside[window], 1))[1:-1, 1:-1]
+    limit_m = (inner + 0.5) * side_m + radius_m
+    depths[window] = np.where(inside[window], np.minimum(depth_m[window], limit_m), 0.0)
+    return depths
 
 
 def middle_of(depths_m: NDArray[np.float64], side_m: float) -> NDArray[np.int64]:

@@ -56,8 +56,8 @@ def floor_regions(
     flat = depths.ravel().tolist()
     steps = [row * columns + column for row, column in _BESIDE]
     # Of cells as deep, those near wide floor come first: borders are halfway along a narrow place.
-    around = ndimage.gaussian_filter(depths, _AROUND_CELLS)
-    order = np.lexsort((-around.ravel(), -depths.ravel()))
+    nearby = ndimage.gaussian_filter(depths, _AROUND_CELLS)
+    order = np.lexsort((-nearby.ravel(), -depths.ravel()))
     label = [-1] * len(flat)
     parent: list[int] = []
     widest: list[float] = []
@@ -130,6 +130,9 @@ def _part_corridors(
     in_hall: bool,
 ) -> None:
     """Give regions of their own to the corridors of a region where no circle of `half_m` fits."""
+    unused = int(labels.max()) + 1
+    window = around(labels == region)
+    labels, depth_m = labels[window], depth_m[window]
     inside = labels == region
     core = inside & (depth_m >= half_m)
     # What circles of that radius cover; a corridor is beyond.
@@ -143,7 +146,14 @@ def _part_corridors(
         if in_hall and not is_corridor and area_m2 >= _DEEP * width_m**2:
             is_corridor = _mouth_m(cells, inside, labels, side_m) <= _MOUTH * width_m
         if width_m >= _CORRIDOR_WIDTH_M and is_corridor:
-            labels[cells] = int(labels.max()) + 1
+            labels[cells] = unused
+            unused += 1
+
+
+def around(cells: NDArray[np.bool_], margin: int = 1) -> tuple[slice, ...]:
+    """Return the rows and columns of some cells, and so many more on each side."""
+    spans = [np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0)]
+    return tuple(slice(max(0, int(s[0]) - margin), int(s[-1]) + margin + 1) for s in spans)
 
 
 def _mouth_m(
