@@ -84,7 +84,7 @@ def way_lines(start: str, way: Sequence[Step]) -> list[str]:
             f"  through {step.passage.name} ({step.passage.width_m:.2f} m wide){turn}\n"
             f"{step.place.name}"
         )
-    length_m = sum(step.passage.length_m for step in way)
+    length_m = way[-1].length_m if way else 0.0
     return [*lines, f"{counted(len(way), 'passage')}, about {length_m:.1f} m"]
 
 

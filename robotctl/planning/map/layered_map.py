@@ -32,7 +32,7 @@ from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.map.shut_cells import ShutCells
 from robotctl.planning.map.take_over import take_over, take_values
-from robotctl.planning.map.zones import Closed, slowness, speed_limits
+from robotctl.planning.map.zones import Closed, path_prices, speed_limits
 
 _BEYOND_M: Final = 1.0
 """Clearance is known up to this beyond the circle in which the robot turns [m]: more than any
@@ -96,8 +96,7 @@ class LayeredMap:
         space.closed = closed
         self._inner = shrunk(space.samples)
         self._limits_m_s = speed_limits(grid, closed, full_speed_m_s)
-        if self._limits_m_s is not None:
-            space.slowness = slowness(self._limits_m_s, full_speed_m_s)
+        space.slowness = path_prices(grid, closed, self._limits_m_s, full_speed_m_s)
         reach = math.ceil((footprint.reach_m + _BEYOND_M) / grid.resolution_m) + 1
         self._clearance = Clearance(space.blocked, space.clearance, reach)
         self._cells = marks.Cells(

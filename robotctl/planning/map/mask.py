@@ -1,4 +1,4 @@
-"""Masks: pictures of where a robot keeps out, or drives slowly."""
+"""Masks: pictures of where a robot keeps out, would rather not be, or drives slowly."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from robotctl.planning.map.mask_config import MaskConfig
 _INSIDE: Final = 0.5 - 1e-6
 """Distance from the centre of a cell to just inside its edge [cells]."""
 _NO_LIMIT: Final = 0
+_DOUBLE: Final = 25.0
+"""Value of a keep-out mask at which each metre counts as two, as for nav2's NavFn."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +66,19 @@ class Mask:
             for values in self._seen_from(grid):
                 closed |= values >= OCCUPIED
         return closed
+
+    def prices(self, grid: GridMap) -> NDArray[np.float32] | None:
+        """Return how many times longer a path counts in each cell, not to be crossed if possible.
+
+        None: nowhere more than once.
+        """
+        values = self.grid.cells
+        if self.config.kind != "keep_out" or not ((values > 0) & (values < OCCUPIED)).any():
+            return None
+        most = np.zeros(grid.shape, np.int8)
+        for seen in self._seen_from(grid):
+            np.maximum(most, seen, out=most)
+        return 1.0 + most.astype(np.float32) / np.float32(_DOUBLE)
 
     def limits(self, grid: GridMap, full_speed_m_s: float) -> NDArray[np.float32]:
         """Return the lowest speed limit in each cell of a map [m/s]; inf: there is none.

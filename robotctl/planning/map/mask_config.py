@@ -20,8 +20,9 @@ class MaskConfig:
     file
         Its yaml file; a relative path starts beside the robot's file.
     kind
-        Where the value is 100, the robot keeps out (`keep_out`), or a value from 1 to 100 limits
-        its speed to `base + multiplier * value`, in per cent of its fastest or in m/s.
+        Where the value is 100, the robot keeps out (`keep_out`), and a value v from 1 to 99 makes
+        each metre of a path count as 1 + v / 25; or a value from 1 to 100 limits its speed to `base
+        + multiplier * value`, in per cent of its fastest or in m/s.
     base, multiplier
         As nav2's `costmap_filter_info_server` has them.
 

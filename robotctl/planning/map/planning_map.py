@@ -62,7 +62,7 @@ class PlanningMap:
         columns); up to 0.21 more than it is where that is a corner. A live map does not look
         farther than a metre beyond the robot's circle: there it says that much."""
         self.slowness: NDArray[np.float32] | None = None
-        """How many times longer than elsewhere the robot takes, (rows, columns); None: nowhere."""
+        """How many times longer a path counts, (rows, columns); None: nowhere more than once."""
         self.closed = Closed()
         """Zones and fence among the obstacles of `grid`; reasons name them."""
         self.samples = samples(footprint, 0.5 * grid.resolution_m) / grid.resolution_m

@@ -15,8 +15,8 @@ from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.polygon_cells import polygon_cells
 from robotctl.planning.map.zone import Zone
 
-_SLOWEST: Final = 10.0
-"""A path through a slow zone counts at most so many times longer: the classes of cost are few."""
+_DEAREST: Final = 10.0
+"""A path through a zone or mask counts at most so many times longer: classes of cost are few."""
 
 
 class Closed(NamedTuple):
@@ -55,9 +55,22 @@ def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
     return polygon_cells(zone.corners, grid).touched
 
 
-def slowness(limits_m_s: NDArray[np.float32], full_speed_m_s: float) -> NDArray[np.float32]:
-    """Return how many times longer a path counts in each cell: as much longer as it takes."""
-    longer: NDArray[np.float32] = np.clip(full_speed_m_s / limits_m_s, 1.0, _SLOWEST)
+def path_prices(
+    grid: GridMap,
+    closed: Closed,
+    limits_m_s: NDArray[np.float32] | None,
+    full_speed_m_s: float,
+) -> NDArray[np.float32] | None:
+    """Return how many times longer a path counts in each cell; None: nowhere more than once.
+
+    Where the robot is slow, as much longer as it takes; where a mask says so, times that.
+    """
+    prices = [each for mask in closed.masks if (each := mask.prices(grid)) is not None]
+    if limits_m_s is not None:
+        prices.append(np.maximum(full_speed_m_s / limits_m_s, 1.0))
+    if not prices:
+        return None
+    longer: NDArray[np.float32] = np.clip(np.prod(prices, axis=0), 1.0, _DEAREST)
     return longer.astype(np.float32)
 
 

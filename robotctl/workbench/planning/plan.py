@@ -23,7 +23,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, GridMap
 from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.planning_map import PlanningMap
-from robotctl.planning.map.zones import Closed, slowness, speed_limits
+from robotctl.planning.map.zones import Closed, path_prices, speed_limits
 from robotctl.planning.path.global_planning.goal import facing
 from robotctl.planning.path.global_planning.plan import (
     Plan,
@@ -162,8 +162,9 @@ def _space(grid: GridMap, robot: RobotConfig, masks: tuple[Mask, ...]) -> Planni
     known = GridMap(cells, grid.resolution_m, grid.origin)
     space = PlanningMap(known, robot.footprint)
     space.closed = closed
-    if (limits_m_s := speed_limits(grid, closed, robot.limits.v_max_m_s)) is not None:
-        space.slowness = slowness(limits_m_s, robot.limits.v_max_m_s)
+    full_speed_m_s = robot.limits.v_max_m_s
+    limits_m_s = speed_limits(grid, closed, full_speed_m_s)
+    space.slowness = path_prices(grid, closed, limits_m_s, full_speed_m_s)
     return space
 
 

@@ -84,6 +84,47 @@ def test_the_masks_of_the_robot_are_kept_out_of_and_found_beside_its_file(tmp_pa
     assert "kept.yaml: No such file" in str(result.exception)
 
 
+@pytest.mark.parametrize("planner", ["astar", "dijkstra", "hybrid"])
+@pytest.mark.parametrize(("value", "longer"), [(0, False), (15, False), (90, True)])
+def test_a_band_of_a_mask_is_passed_by_where_that_is_cheaper(planner, value, longer, tmp_path):
+    """Straight on the robot crosses 2 m of a band; round it the way is about 1.5 m longer."""
+    cells = np.full((80, 120), 254, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 0
+    band = np.full((80, 120), 255, np.uint8)
+    band[20:, 50:70] = 255 - round(2.55 * value)
+    rest = "resolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\n"
+    trinary = "occupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    for name, pixels, mode in (
+        ("hall", cells, trinary),
+        ("lane", band, "mode: scale\noccupied_thresh: 1.0\nfree_thresh: 0.0\n"),
+    ):
+        assert cv2.imwrite(str(tmp_path / f"{name}.png"), pixels)
+        (tmp_path / f"{name}.yaml").write_text(f"image: {name}.png\n{rest}{mode}")
+    robot = tmp_path / "robot.toml"
+    mask = '[[navigation.pilot.mask]]\nfile = "lane.yaml"\nkind = "keep_out"\n'
+    robot.write_text(f"{find_file('diff_drive').read_text()}\n{mask}")
+    report, out = tmp_path / "r.json", tmp_path / "p.csv"
+    result = call(
+        *("--map", tmp_path / "hall.yaml", "--start", "2,4", "--goal", "10,4", "--robot", robot),
+        *("--planner", planner, "--report", report, "--out", out),
+    )
+    assert result.exit_code == 0, result.output
+    x, y = np.loadtxt(out, delimiter=",", skiprows=1, usecols=(0, 1)).T
+    points = np.column_stack([np.interp(np.linspace(0, 1, 500), np.linspace(0, 1, len(x)), each)
+                              for each in (x, y)])  # fmt: skip
+    inside = (points[:, 0] > 5.2) & (points[:, 0] < 6.8) & (points[:, 1] < 5.8)
+    assert inside.any() != longer
+
+
+def test_a_binary_mask_is_refused_and_what_there_is_is_told(tmp_path):
+    robot = tmp_path / "robot.toml"
+    mask = '[[navigation.pilot.mask]]\nfile = "lane.yaml"\nkind = "binary"\n'
+    robot.write_text(f"{find_file('diff_drive').read_text()}\n{mask}")
+    result = call(*FLAT, "--robot", robot)
+    assert isinstance(result.exception, ConfigError)
+    assert "'keep_out', 'speed_percent' or 'speed_m_s'" in str(result.exception)
+
+
 def test_a_goal_in_a_wall_is_told_and_the_status_is_1(tmp_path):
     report = tmp_path / "r.json"
     result = call("--map", "flat", "--start", "1,1", "--goal", "0,2", "--report", report)

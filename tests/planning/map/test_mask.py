@@ -13,7 +13,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.mask_config import MaskConfig
-from robotctl.planning.map.zones import Closed, slowness, speed_limits
+from robotctl.planning.map.zones import Closed, path_prices, speed_limits
 
 KEEP_OUT = MaskConfig("keep.yaml", "keep_out")
 
@@ -73,7 +73,9 @@ def test_speeds_are_those_of_nav2s_formula():
     assert not closed.cells(grid).any()
     limits = speed_limits(grid, closed, 2.0)
     assert limits[0] == pytest.approx([math.inf, 0.11, 0.35, 0.02, math.inf])
-    assert slowness(limits, 2.0)[0] == pytest.approx([1.0, 10.0, 2.0 / 0.35, 10.0, 1.0])
+    assert path_prices(grid, closed, limits, 2.0)[0] == pytest.approx(
+        [1.0, 10.0, 2.0 / 0.35, 10.0, 1.0]
+    )
 
 
 def test_beyond_the_mask_nothing_is_closed_and_what_closes_a_cell_has_its_name():
@@ -99,3 +101,33 @@ def test_a_speed_that_means_nothing_is_refused(kind, base, multiplier, said):
     with pytest.raises(ValueError, match=said):
         Mask(MaskConfig("speed.yaml", kind, base, multiplier), GridMap(values, 0.1))
     Mask(MaskConfig("speed.yaml", kind, base, multiplier), GridMap(np.zeros((1, 2), np.int8), 0.1))
+
+
+def test_a_value_below_100_makes_a_path_longer_by_a_25th_of_it():
+    grid = GridMap(np.zeros((1, 6), np.int8), 0.1)
+    values = np.array([[0, 1, 25, 50, 99, -1]], np.int8)
+    mask = Mask(KEEP_OUT, GridMap(values, 0.1))
+    closed = Closed(masks=(mask,))
+    assert not closed.cells(grid).any()
+    assert speed_limits(grid, closed, 1.0) is None
+    prices = path_prices(grid, closed, None, 1.0)
+    assert prices[0] == pytest.approx([1.0, 1.04, 2.0, 3.0, 4.96, 1.0])
+    limits = np.array([[0.25, 0.25, 0.25, 0.25, math.inf, math.inf]], np.float32)  # and slow
+    assert path_prices(grid, closed, limits, 1.0)[0] == pytest.approx(
+        [4.0, 4.16, 8.0, 10.0, 4.96, 1.0]
+    )
+
+
+def test_a_mask_without_such_values_costs_nothing():
+    grid = GridMap(np.zeros((1, 3), np.int8), 0.1)
+    mask = Mask(KEEP_OUT, GridMap(np.array([[0, 100, -1]], np.int8), 0.1))
+    assert path_prices(grid, Closed(masks=(mask,)), None, 1.0) is None
+
+
+def test_a_fine_line_of_a_mask_counts_in_a_coarse_map():
+    values = np.zeros((100, 100), np.int8)
+    values[:, 37] = 50
+    mask = Mask(KEEP_OUT, GridMap(values, 0.01))
+    prices = mask.prices(GridMap(np.zeros((10, 10), np.int8), 0.1))
+    assert (prices[:, 3] == 3.0).all()
+    assert (np.delete(prices, 3, axis=1) == 1.0).all()

@@ -5,7 +5,7 @@ between wide regions: Thrun, Artificial Intelligence 99(1), 1998). From the wide
 join the region beside them; where two regions meet, they become one unless the neck is no wider
 than a door and clearly narrower than both. Regions are divided further where corridors meet.
 Halls are divided by what stands in them: at necks of any width, so that the gaps between shelves
-and the bays along the walls become places.
+and the bays along the walls become places. Open floor is halved until it is seen from its middle.
 """
 
 from __future__ import annotations
@@ -28,8 +28,15 @@ from robotctl.planning.map.topological.graph import (
     TopologicalPlace,
 )
 from robotctl.planning.map.topological.junctions import with_junctions
+from robotctl.planning.map.topological.open_floor import (
+    middle_depth_m,
+    middle_of,
+    with_open_floor,
+)
 from robotctl.planning.map.topological.regions import (
     CORRIDOR,
+    DOOR_M,
+    around,
     floor_regions,
     hall_cells,
     hall_parts,
@@ -86,9 +93,10 @@ def build(grid: GridMap, radius_m: float) -> Topology:
     halls = hall_cells(labels, depth_m)
     depth_m = np.where(halls, room_m, depth_m)
     labels = with_corridors(np.where(halls, -1, labels), depth_m, side_m)
-    labels, kinds = with_junctions(labels, depth_m, side_m)
     parts = hall_parts(halls, room_m, radius_m, side_m)
     labels = np.where(parts >= 0, parts + (int(labels.max()) + 1), labels)
+    labels, kinds = with_junctions(labels, depth_m, side_m)
+    labels = with_open_floor(labels, depth_m, radius_m, side_m)
     labels = _without_small(labels, depth_m, side_m)
     return _topology(grid, labels, kinds, depth_m, room_m, radius_m)
 
@@ -158,36 +166,45 @@ def _topology(
 
     Regions without a kind get it by their shape.
     """
-    can_stand = room_m >= radius_m
     regions, sizes = np.unique(labels[labels >= 0], return_counts=True)
     regions = regions[np.argsort(-sizes, kind="stable")]
     rank = np.full(labels.max() + 1, -1)
     rank[regions] = np.arange(len(regions))
     labels = np.where(labels >= 0, rank[labels], -1)
-    places = [
-        _place(grid, labels == number, kinds.get(region), depth_m, can_stand, number)
-        for number, region in enumerate(regions.tolist())
-    ]
+    places = []
+    for number, region in enumerate(regions.tolist()):
+        inside = labels == number
+        depths_m = middle_depth_m(inside, depth_m, radius_m, grid.resolution_m)
+        middle = _middle(depths_m, room_m, radius_m, grid.resolution_m)
+        places.append(_place(grid, inside, kinds.get(region), depths_m, middle, number))
     passages = _passages(grid, labels, depth_m, places)
     numbers = {place.name: number for number, place in enumerate(places)}
     whole = [described(grid, labels, room_m, each, passages, numbers) for each in places]
     return Topology(TopologicalMap(tuple(whole), tuple(passages)), labels)
 
 
+def _middle(
+    depths_m: NDArray[np.float64], room_m: NDArray[np.float64], radius_m: float, side_m: float
+) -> NDArray[np.int64]:
+    """Return the middle of a place: its widest spot where a robot has room beside what stands."""
+    for least_m in (2.0 * radius_m, radius_m):
+        spots_m = np.where(room_m >= least_m, depths_m, 0.0)
+        if spots_m.any():
+            return middle_of(spots_m, side_m)
+    return middle_of(depths_m, side_m)
+
+
 def _place(
     grid: GridMap,
     inside: NDArray[np.bool_],
     kind: PlaceKind | None,
-    depth_m: NDArray[np.float64],
-    can_stand: NDArray[np.bool_],
+    depths_m: NDArray[np.float64],
+    middle: NDArray[np.int64],
     number: int,
 ) -> TopologicalPlace:
     """Return a place, without its passages and what it looks like."""
     area_m2 = float(np.count_nonzero(inside)) * grid.resolution_m**2
-    width_m = 2.0 * float(depth_m[inside].max())
-    free = inside & can_stand if (inside & can_stand).any() else inside
-    spots = np.argwhere(free & (depth_m == depth_m[free].max()))
-    middle = spots[np.argmin(np.sum((spots - spots.mean(axis=0)) ** 2, axis=1))]
+    width_m = 2.0 * float(depths_m.max())
     if kind is None:
         kind = "corridor" if area_m2 >= CORRIDOR * width_m**2 else "room"
     x_m, y_m = grid.centre_of(middle[None])[0].tolist()
@@ -216,15 +233,34 @@ def _passages(
         # Borders jump from one side to the other by a cell.
         parts, count = ndimage.label(ndimage.binary_dilation(border, np.ones((3, 3))))
         for part in range(1, count + 1):
-            cells = np.argwhere(border & (parts == part))
-            widths_m = depth_m[cells[:, 0], cells[:, 1]]
-            cell = cells[np.argmax(widths_m)]
+            room_m = _room_m(border & (parts == part), labels, (a, b), depth_m, grid.resolution_m)
+            if not room_m.any():  # two places of an open floor touch in a corner
+                continue
+            cell = middle_of(room_m, grid.resolution_m)
             x_m, y_m = grid.centre_of(cell[None])[0].tolist()
             length_m = sum(_apart_m(places[end], x_m, y_m) for end in (a, b))
-            name, width_m = f"passage {len(result) + 1}", 2.0 * float(widths_m.max())
+            name, width_m = f"passage {len(result) + 1}", 2.0 * float(room_m.max())
             between = places[a].name, places[b].name
             result.append(Passage(name, between, width_m, length_m, x_m, y_m))
     return result
+
+
+def _room_m(
+    border: NDArray[np.bool_],
+    labels: NDArray[np.int64],
+    between: tuple[int, int],
+    depth_m: NDArray[np.float64],
+    side_m: float,
+) -> NDArray[np.float64]:
+    """Return how far the cells of a border are from walls and other places [m], 0 elsewhere."""
+    window = around(border, int(depth_m[border].max() / side_m) + 3)
+    others = (labels[window] >= 0) & ~np.isin(labels[window], between)
+    away = ndimage.distance_transform_edt(~np.pad(others, 1, constant_values=True))[1:-1, 1:-1]
+    room_m = np.zeros(labels.shape)
+    room_m[window] = np.minimum(depth_m[window], np.maximum(away - 1.5, 0.0) * side_m)
+    # A door stays a passage where a third place is beside it.
+    is_door = depth_m[border].max() <= 0.5 * DOOR_M
+    return np.where(border, depth_m if is_door else room_m, 0.0)
 
 
 def _apart_m(place: TopologicalPlace, x_m: float, y_m: float) -> float:

@@ -12,6 +12,7 @@ import heapq
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 from robotctl.errors import InvalidValue
@@ -166,12 +167,15 @@ class Step:
         How many passages the place has.
     place
         Where that leads.
+    length_m
+        Of the way so far, to the middle of `place`.
     """
 
     passage: Passage
     left: int | None
     of: int
     place: TopologicalPlace
+    length_m: float
 
 
 @dataclass(frozen=True)
@@ -249,36 +253,61 @@ class TopologicalMap:
     ) -> list[Step] | None:
         """Return the shortest way between two places, None if there is none (Dijkstra 1959).
 
-        Passages whose names are in `without` are closed.
+        It leads from the middle of one through passages to that of the other, straight from passage
+        to passage. Passages whose names are in `without` are closed.
         """
-        waiting: list[tuple[float, int, str, list[Passage]]] = [(0.0, 0, start, [])]
-        settled: set[str] = set()
+        if start == goal:
+            return []
+        waiting: list[tuple[float, int, str, bool, list[Passage]]] = [(0.0, 0, start, False, [])]
+        settled: set[tuple[str, str]] = set()
         pushed = 0
         while waiting:
-            length_m, _, here, through = heapq.heappop(waiting)
-            if here == goal:
+            length_m, _, here, has_arrived, through = heapq.heappop(waiting)
+            if has_arrived:
                 return list(self._steps(start, through))
-            if here in settled:
+            came = through[-1].name if through else ""
+            if (here, came) in settled:
                 continue
-            settled.add(here)
-            for passage in self.passages:
-                if here in passage.between and passage.name not in without:
-                    pushed += 1
-                    there = passage.beyond(here)
-                    further = (length_m + passage.length_m, pushed, there, [*through, passage])
-                    heapq.heappush(waiting, further)
+            settled.add((here, came))
+            for name, leg_m in self._legs_m[here, came].items():
+                if name in without or (not name and here != goal):
+                    continue
+                pushed += 1
+                on = [self._by_name[name]] if name else []
+                there = on[0].beyond(here) if on else here
+                further = (length_m + leg_m, pushed, there, not on, [*through, *on])
+                heapq.heappush(waiting, further)
         return None
+
+    @cached_property
+    def _by_name(self) -> dict[str, Passage]:
+        return {each.name: each for each in self.passages}
+
+    @cached_property
+    def _legs_m(self) -> dict[tuple[str, str], dict[str, float]]:
+        """Distances within places, from each passage to each other; "" is the middle [m]."""
+        result: dict[tuple[str, str], dict[str, float]] = {}
+        for place in self.places:
+            ends = {"": (0.0, 0.0)} | {each.passage: spot(each) for each in place.exit}
+            for a in ("", *place.passages):
+                for b in ("", *place.passages):
+                    if place.exit:
+                        leg_m = math.dist(ends[a], ends[b])
+                    else:  # half of each passage lies in each of its places
+                        leg_m = sum(0.5 * self._by_name[each].length_m for each in (a, b) if each)
+                    result.setdefault((place.name, a), {})[b] = leg_m
+        return result
 
     def _steps(self, start: str, through: list[Passage]) -> Iterator[Step]:
         by_name = {each.name: each for each in self.places}
-        here, came = by_name[start], None
+        here, came, way_m = by_name[start], "", 0.0
         for passage in through:
             n = len(here.passages)
             left = None
-            if came is not None:
+            if came:
                 # Coming in, the next passage to the left is the one before in the order.
                 at = here.passages.index
-                left = (at(came.name) - at(passage.name)) % n
-            there = by_name[passage.beyond(here.name)]
-            yield Step(passage, left, n, there)
-            here, came = there, passage
+                left = (at(came) - at(passage.name)) % n
+            way_m += self._legs_m[here.name, came][passage.name]
+            here, came = by_name[passage.beyond(here.name)], passage.name
+            yield Step(passage, left, n, here, way_m + self._legs_m[here.name, came][""])

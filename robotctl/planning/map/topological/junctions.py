@@ -3,7 +3,8 @@
 Floor is corridor where it runs straight on for longer than `LONG` times its width, which is that of
 the largest free circle over a spot (local thickness: Hildebrand and Rüegsegger, Journal of
 Microscopy 185(1), 1997). Where it does so in two directions that are `APART_DEG` apart or more,
-corridors meet. Only floor off the walls counts, so niches, door frames and the ragged walls of a
+corridors meet; junctions that touch, as along a row of shelves, are divided at the necks between
+them. Only floor off the walls counts, so niches, door frames and the ragged walls of a
 scanned map do not.
 """
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.planning.map.topological.graph import PlaceKind
+from robotctl.planning.map.topological.regions import floor_regions
 
 LONG: Final = 2.5
 APART_DEG: Final = 45.0
@@ -29,6 +31,8 @@ _DOOR_M: Final = 1.2
 """A corridor ends at a passage that is narrower; a thing that stands in it does not end it."""
 _SHARE: Final = 1.0 / 3.0
 """Share of a region beside a junction that has to run straight on for it to be a corridor."""
+_NECK: Final = 0.9
+"""Largest width between two junctions that touch, as a share of the lesser of their widths."""
 _SMOOTH_M: Final = 0.15
 """Smaller gaps where corridors meet are filled, smaller parts left out."""
 _DIRECTIONS: Final = 36
@@ -72,13 +76,15 @@ def with_junctions(
     if not meets.any():
         return labels, {}
     pieces = _pieces(labels, meets)
-    junctions, count = ndimage.label(meets, _EIGHT)
+    junctions = floor_regions(np.where(meets, depth_m, 0.0), side_m, math.inf, _NECK)
     unused = int(pieces.max()) + 1
-    kinds: dict[int, PlaceKind] = dict.fromkeys(range(unused, unused + count), "junction")
+    kinds: dict[int, PlaceKind] = dict.fromkeys(
+        range(unused, unused + int(junctions.max()) + 1), "junction"
+    )
     for piece in _beside(meets, pieces):
         if is_corridor[pieces == piece].mean() > _SHARE:
             kinds[piece] = "corridor"
-    return np.where(meets, junctions + (unused - 1), pieces), kinds
+    return np.where(meets, junctions + unused, pieces), kinds
 
 
 def _around(cells: Mask) -> Mask:

@@ -21,6 +21,10 @@ _NARROWER: Final = 0.5
 """Largest width of a corridor without a door, as a share of the open area's that it leads off."""
 _NARROWER_IN_HALL: Final = 0.6
 """The same share of a hall's width, which what stands in the hall makes smaller."""
+_AROUND_CELLS: Final = 10.0
+"""Deviation of the weights by which floor around a cell counts [cells]."""
+_FINER: Final = 0.8
+"""Ratio of the circles by which bays of a hall are found."""
 _CORRIDOR_WIDTH_M: Final = 1.0
 """Least width of such a corridor [m]."""
 _DEEP: Final = 0.5
@@ -40,17 +44,20 @@ def hall_cells(labels: NDArray[np.int64], depth_m: NDArray[np.float64]) -> NDArr
 
 
 def floor_regions(
-    depth_m: NDArray[np.float64], radius_m: float, widest_m: float = DOOR_M
+    depth_m: NDArray[np.float64], radius_m: float, widest_m: float = DOOR_M, neck: float = NECK
 ) -> NDArray[np.int64]:
     """Return the region of each cell that the robot fits on, -1 elsewhere.
 
-    `widest_m` is the width of the widest passage that divides.
+    `widest_m` is the width of the widest passage that divides, `neck` its largest width as a share
+    of the lesser of the two regions' widths.
     """
     depths = np.pad(depth_m, 1)
     columns = depths.shape[1]
     flat = depths.ravel().tolist()
     steps = [row * columns + column for row, column in _BESIDE]
-    order = np.argsort(-depths.ravel(), kind="stable")
+    # Of cells as deep, those near wide floor come first: borders are halfway along a narrow place.
+    nearby = ndimage.gaussian_filter(depths, _AROUND_CELLS)
+    order = np.lexsort((-nearby.ravel(), -depths.ravel()))
     label = [-1] * len(flat)
     parent: list[int] = []
     widest: list[float] = []
@@ -75,7 +82,7 @@ def floor_regions(
             for other in regions[i + 1 :]:
                 a, b = root(region), root(other)
                 lesser = min(widest[a], widest[b])
-                if a != b and (flat[cell] > widest_m / 2 or flat[cell] > NECK * lesser):
+                if a != b and (flat[cell] > widest_m / 2 or flat[cell] > neck * lesser):
                     wide, narrow = (a, b) if widest[a] >= widest[b] else (b, a)
                     parent[narrow] = wide
     roots = np.array([root(each) if each >= 0 else -1 for each in label], np.int64)
@@ -103,25 +110,50 @@ def with_corridors(
     In a hall bays get them, too: what ends there, and opens by a mouth no wider than itself.
     """
     labels = labels.copy()
-    unused = int(labels.max()) + 1
     for region in np.unique(labels[labels >= 0]).tolist():
         inside = labels == region
         half_m = (_NARROWER_IN_HALL if in_hall else _NARROWER) * float(depth_m[inside].max())
-        core = inside & (depth_m >= half_m)
-        # What circles of that radius cover; a corridor is beyond.
-        beyond = inside & (ndimage.distance_transform_edt(~core) * side_m > half_m)
-        parts, count = ndimage.label(beyond, np.ones((3, 3)))
-        for part in range(1, count + 1):
-            cells = parts == part
-            width_m = 2.0 * float(depth_m[cells].max())
-            area_m2 = np.count_nonzero(cells) * side_m**2
-            is_corridor = bool(area_m2 >= CORRIDOR * width_m**2)
-            if in_hall and not is_corridor and area_m2 >= _DEEP * width_m**2:
-                is_corridor = _mouth_m(cells, inside, labels, side_m) <= _MOUTH * width_m
-            if width_m >= _CORRIDOR_WIDTH_M and is_corridor:
-                labels[cells] = unused
-                unused += 1
+        _part_corridors(labels, region, depth_m, side_m, half_m, in_hall=in_hall)
+        # A large circle rounds the corners of a hall, and what lies in them: smaller ones do less.
+        while in_hall and (half_m := _FINER * half_m) >= 0.5 * _CORRIDOR_WIDTH_M:
+            _part_corridors(labels, region, depth_m, side_m, half_m, in_hall=True)
     return labels
+
+
+def _part_corridors(
+    labels: NDArray[np.int64],
+    region: int,
+    depth_m: NDArray[np.float64],
+    side_m: float,
+    half_m: float,
+    *,
+    in_hall: bool,
+) -> None:
+    """Give regions of their own to the corridors of a region where no circle of `half_m` fits."""
+    unused = int(labels.max()) + 1
+    window = around(labels == region)
+    labels, depth_m = labels[window], depth_m[window]
+    inside = labels == region
+    core = inside & (depth_m >= half_m)
+    # What circles of that radius cover; a corridor is beyond.
+    beyond = inside & (ndimage.distance_transform_edt(~core) * side_m > half_m)
+    parts, count = ndimage.label(beyond, np.ones((3, 3)))
+    for part in range(1, count + 1):
+        cells = parts == part
+        width_m = 2.0 * float(depth_m[cells].max())
+        area_m2 = np.count_nonzero(cells) * side_m**2
+        is_corridor = bool(area_m2 >= CORRIDOR * width_m**2)
+        if in_hall and not is_corridor and area_m2 >= _DEEP * width_m**2:
+            is_corridor = _mouth_m(cells, inside, labels, side_m) <= _MOUTH * width_m
+        if width_m >= _CORRIDOR_WIDTH_M and is_corridor:
+            labels[cells] = unused
+            unused += 1
+
+
+def around(cells: NDArray[np.bool_], margin: int = 1) -> tuple[slice, ...]:
+    """Return the rows and columns of some cells, and so many more on each side."""
+    spans = [np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0)]
+    return tuple(slice(max(0, int(s[0]) - margin), int(s[-1]) + margin + 1) for s in spans)
 
 
 def _mouth_m(
