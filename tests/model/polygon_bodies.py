@@ -15,11 +15,10 @@ def polygons(draw, most=8, around=(0.0, 0.0)):
     shares = draw(st.lists(st.floats(0.2, 1.0), min_size=count, max_size=count))
     angles = [math.tau * sum(shares[: k + 1]) / sum(shares) for k in range(count)]
     lengths = draw(st.lists(st.floats(0.08, 0.6), min_size=count, max_size=count))
-    corners = tuple(
+    return tuple(
         (round(around[0] + r * math.cos(a), 3), round(around[1] + r * math.sin(a), 3))
         for a, r in zip(angles, lengths, strict=True)
     )
-    return corners
 
 
 @st.composite
