@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+import shapely
+import shapely.affinity
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,6 +14,7 @@ from robotctl.app.scoring.outline import outline_distance
 from robotctl.app.scoring.score import StampedPose
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
+from tests.model.polygon_bodies import bodies, shape_of
 
 BODY = np.array([(0.3, -0.2), (0.3, 0.2), (-0.2, 0.2), (-0.2, -0.2)])
 
@@ -30,6 +33,18 @@ def test_the_distance_is_that_of_dense_points_from_the_rectangle(seed):
     # The points are up to 1.4 mm apart, so a corner that is only just touched may lie between two.
     assert found <= expected + 1e-12
     assert found >= expected - 1.5e-3
+
+
+@given(bodies(), st.integers(0, 2**32 - 1))
+def test_the_distance_of_any_body_is_what_shapely_says(body, seed):
+    rng = np.random.default_rng(seed)
+    sides = rng.uniform(-1.0, 1.0, (3, 4))
+    score = JourneyScore([np.array(piece) for piece in body.pieces], sides)
+    score.truth(at(0, 0.3, -0.2, 0.7))
+    lines = shapely.MultiLineString([(each[:2], each[2:]) for each in sides.tolist()])
+    shape = shapely.affinity.rotate(shape_of(body), 0.7, origin=(0, 0), use_radians=True)
+    expected = shapely.affinity.translate(shape, 0.3, -0.2).distance(lines)
+    assert score.min_clearance_m == pytest.approx(expected, abs=1e-9)
 
 
 def at(seconds, x_m, y_m=0.0, theta_rad=0.0):
