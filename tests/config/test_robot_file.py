@@ -132,7 +132,7 @@ def test_an_outline_may_be_hollow_and_have_parts_beside_it(tmp_path: Path) -> No
     last = text.count("\n") + 5
     for wrong, said in (
         (part.replace("name", "nam"), rf':{last - 1}: body.part\S*nam: unknown key; did .*"name"'),
-        (part.replace("[0.5, 0.1]", "[0.1, 0.2]"), rf":{last}: body.part.*outline: sides"),
+        (part.replace("[0.5, 0.1]", "[0.3, 0.0]"), rf":{last}: body.part.*outline: sides"),
         (part.replace("[[0.2, 0.1], ", "[").replace("[0.5, 0.1], ", ""), "three corners"),
         (part + part, "body.part: two have the same name: lift, lift"),
         (part.replace("body.part", "body.parts"), r'body\.parts: unknown key; did you mean "part"'),
