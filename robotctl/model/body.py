@@ -37,7 +37,7 @@ class BodyPart:
     outline: Polygon
 
     def __post_init__(self) -> None:
-        """Check the outline by itself, so that what is wrong with it is found here."""
+        """Check the outline here, so that an error names this part."""
         _check_reach(self.outline)
         try:
             Footprint(_AROUND_BASE, (_to_the_left(self.outline),))

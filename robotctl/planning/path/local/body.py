@@ -91,7 +91,7 @@ def make_body(footprint: Footprint, margin_m: float | Sequence[float], resolutio
 
 
 def _of_pieces(footprint: Footprint, margins_m: NDArray[np.float64], resolution_m: float) -> Body:
-    """Return a body of several pieces, each grown by itself.
+    """Return a body of several pieces, each grown alone.
 
     So a piece grows over those beside it, too: that leaves no gap between them.
     """
