@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -141,8 +142,12 @@ def _crosses(sides: _Side, body: Footprint) -> NDArray[np.bool_]:
     return meets
 
 
+@lru_cache(maxsize=8)
 def _pieces(body: Footprint) -> list[NDArray[np.float64]]:
-    """Return the sides of each convex piece of a body: normal and distance from `base`, (k, 3)."""
+    """Return the sides of each convex piece of a body: normal and distance from `base`, (k, 3).
+
+    They are kept: the control loop asks several times a tick.
+    """
     rows = side_rows(body)
     return [rows[rows[:, PIECE] == number, : OFFSET + 1] for number in range(len(body.pieces))]
 

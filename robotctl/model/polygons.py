@@ -120,6 +120,8 @@ def is_convex(polygon: Sequence[Point]) -> bool:
 
 def _triangles(corners: Sequence[Point]) -> list[Polygon]:
     """Return the triangles of a polygon."""
+    if len(corners) < 3:
+        raise ValueError("the outline has no area")
     left, triangles = list(corners), []
     while len(left) > 3:
         ears = [(_sharpness(*ear), i, ear) for i, ear in enumerate(_ears(left)) if ear is not None]

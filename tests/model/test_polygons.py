@@ -112,3 +112,15 @@ def test_a_part_beside_the_outline_counts_and_one_within_it_changes_nothing():
     assert sorted(within.open_sides) == sorted(square.open_sides)
     grown = Footprint(square.corners, (((0.1, -0.2), (0.4, -0.2), (0.4, 0.2), (0.1, 0.2)),))
     assert grown.inscribed_m == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ((0.1, 0.0), (0.2, 0.0), (0.3, 1e-12)),
+        ((0.1, 0.0), (0.2, 1e-12), (0.3, 0.0), (0.2, 2e-12)),
+    ],
+)
+def test_a_part_without_area_is_refused(corners):
+    with pytest.raises(ValueError, match="outline"):
+        Footprint(Footprint.rectangle(-0.2, 0.2, 0.2).corners, (corners,))
