@@ -19,7 +19,13 @@ DRIVE = 'kind = "drive"\nwaypoints = [[0.8, 0.0], [3.2, 0.0]]'
 GOTO = 'kind = "goto"\nx_m = 3.2\ny_m = 0.0'
 
 
-def through_a_door(folder: Path, door: tuple[float, float], arm: float, item: str) -> Report:
+POST = '[[furniture]]\nkind = "pillar"\ncentre = [0.7, -0.33]\nradius_m = 0.05\n'
+"""In the hollow behind the arm, where the robot starts."""
+
+
+def through_a_door(
+    folder: Path, door: tuple[float, float], arm: float, item: str, things: str = ""
+) -> Report:
     """Drive from one room to another; the arm is to the right, or with -1 to the left."""
     low, high = door
     walls = [
@@ -29,7 +35,7 @@ def through_a_door(folder: Path, door: tuple[float, float], arm: float, item: st
     start = "start = { x_m = 0.8, y_m = 0.0, heading_deg = 0.0 }"
     (folder / "door.toml").write_text(
         f'[world]\nname = "door"\nbounds = [0, -2, 4.1, 2]\n{start}\n'
-        f"[[wall]]\npoints = {json.dumps(walls)}\nclosed = true\n"
+        f"[[wall]]\npoints = {json.dumps(walls)}\nclosed = true\n{things}"
     )
     mission = folder / "mission.toml"
     mission.write_text(f'name = "door"\nworld = "door.toml"\n{start}\n[[item]]\n{item}\n')
@@ -62,5 +68,12 @@ def test_a_door_is_passed_where_the_arm_has_room_and_its_twin_stands_before_it(
 
 def test_with_a_plan_it_passes_the_door_of_its_twin_as_well(tmp_path: Path) -> None:
     report = through_a_door(tmp_path, (-0.38, 0.65), 1.0, GOTO)
+    assert report.mission_completed
+    assert report.collisions == 0
+
+
+@pytest.mark.parametrize("item", [DRIVE, GOTO])
+def test_a_post_in_the_hollow_behind_the_arm_is_left_behind(item: str, tmp_path: Path) -> None:
+    report = through_a_door(tmp_path, (-0.65, 0.38), 1.0, item, POST)
     assert report.mission_completed
     assert report.collisions == 0
