@@ -23,7 +23,8 @@ from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 from firmware_sim.config.camera_parameters import CameraSection
 from firmware_sim.config.drives.kinds import KIND_NAMES, Drive
 from firmware_sim.config.motors import CHANNELS, OWN_KIND, MotorTable, motor_table
-from firmware_sim.config.parameters import BodySection, ImuMount, SimulationParameters, SonarMount
+from firmware_sim.config.outline import BodySection, pieces_of
+from firmware_sim.config.parameters import ImuMount, SimulationParameters, SonarMount
 from firmware_sim.config.quantities import Point, Positive
 from firmware_sim.config.toml_lines import Key, key_lines
 from firmware_sim.errors import SimulationError
@@ -189,8 +190,18 @@ class RobotConfig:
 
     @property
     def outline(self) -> tuple[Point, ...]:
-        """Corners of the true outline, in base [m]."""
+        """Corners of the true outline without the parts beside it, in base [m]."""
         return self.simulation.body or self.body.outline
+
+    @property
+    def outlines(self) -> tuple[tuple[Point, ...], ...]:
+        """Corners of the true outline, and of each part beside it."""
+        return (self.outline, *(part.outline for part in self.body.part))
+
+    @property
+    def pieces(self) -> list[tuple[Point, ...]]:
+        """Corners of convex pieces that make up the body, counter-clockwise."""
+        return [piece for outline in self.outlines for piece in pieces_of(outline)]
 
     @property
     def motors(self) -> tuple[MotorTable, ...]:

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from firmware_sim.config.camera_parameters import CameraParameters
+from firmware_sim.config.outline import check_outline
 from firmware_sim.config.quantities import (
     NotNegative,
     Point,
@@ -26,7 +27,6 @@ from firmware_sim.config.quantities import (
     closed,
 )
 
-FARTHEST_CORNER_M = 10.0
 SHORTEST_HEATING_S = 0.01
 """Minimum thermal time constant [s]: heat is integrated in steps of 1 ms."""
 
@@ -295,47 +295,13 @@ def _check_ranges(min_range_m: float, max_range_m: float) -> None:
         raise ValueError(f"min_range_m: {min_range_m} is not less than max_range_m, {max_range_m}")
 
 
-def check_outline(key: str, corners: tuple[Point, ...]) -> None:
-    """Raise ValueError if an outline is not convex, or reaches too far."""
-    if len(corners) < 3:
-        raise ValueError(f"{key}: {len(corners)} corners; an outline needs at least 3")
-    farthest = max(max(map(abs, corner)) for corner in corners)
-    if farthest > FARTHEST_CORNER_M:
-        raise ValueError(
-            f"{key}: a corner at {farthest:g} m; allowed are {FARTHEST_CORNER_M:g} m from base"
-        )
-    sides = [
-        (b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-    ]
-    turns = [
-        math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
-        for a, b in zip(sides, sides[1:] + sides[:1], strict=True)
-    ]
-    once = math.isclose(abs(sum(turns)), 2.0 * math.pi)
-    if not (once and (all(t > 0 for t in turns) or all(t < 0 for t in turns))):
-        raise ValueError(
-            f"{key}: the outline is not convex, crosses itself or has a corner on a straight side"
-        )
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class BodySection:
-    """The table `[body]`: the outline that robotctl believes in."""
-
-    outline: tuple[Point, ...] = ()
-
-    def __post_init__(self) -> None:
-        if self.outline:
-            check_outline("outline", self.outline)
-
-
 @closed
 @dataclass(frozen=True, slots=True)
 class SimulationParameters:
     """The table `[simulation]`. `centre_of_mass_m` and `body` are in base.
 
-    `body` is the true convex outline; without one, it is that of the table `[body]`.
+    `body` is the true outline; without one, it is that of the table `[body]`, whose parts count
+    in any case.
 
     The CAN controllers of `classic_nodes` are classic: they destroy frames of CAN FD for all nodes.
     `twin` has a table of true values for each motor drive, by its name.

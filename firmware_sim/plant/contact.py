@@ -32,7 +32,7 @@ COLUMNS = MATRIX + MAX_GRIPS
 
 ALONE, FIRST, SECOND, ROLLER = map(int, Hold)
 MAX_WALLS = 8
-"""Maximum wall contacts; each has a row along the normal and one along the wall."""
+"""Maximum wall contacts of each piece; each has a row along the normal and one along the wall."""
 SLOP_M = 1.0e-4
 """Gap left to a wall [m]."""
 SWEEPS = 40
@@ -40,9 +40,9 @@ SWEEPS = 40
 CONVERGED_M_S = 1.0e-6
 
 
-def contact_rows(chassis: Chassis, p: np.ndarray) -> np.ndarray:
-    """Rows of all grips, and room for the rows of walls."""
-    rows = np.zeros((len(chassis.grips) + 2 * MAX_WALLS, COLUMNS))
+def contact_rows(chassis: Chassis, p: np.ndarray, pieces: int) -> np.ndarray:
+    """Rows of all grips, and room for the rows of walls of a body of so many pieces."""
+    rows = np.zeros((len(chassis.grips) + 2 * MAX_WALLS * pieces, COLUMNS))
     for row, grip in zip(rows, chassis.grips, strict=False):
         dx, dy = grip.along
         px, py = grip.x_m - float(p["com_x"][0]), grip.y_m - float(p["com_y"][0])

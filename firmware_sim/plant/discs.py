@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from firmware_sim.plant.plant_state import DT_S
-from firmware_sim.plant.walls import put_wall
+from firmware_sim.plant.walls import END, WITHIN, put_wall
 from native_kernels.compiled import borrows, compiled
 
 
@@ -18,12 +18,31 @@ def nearest_point(x: float, y: float, outline: np.ndarray) -> tuple[float, float
 
     All coordinates are in base.
     """
+    best, near_x, near_y = np.inf, 0.0, 0.0
+    is_inside, piece = False, 0
+    while piece < len(outline):
+        distance, side_x, side_y = nearest_of_piece(x, y, outline, piece)
+        is_inside = is_inside or distance <= 0.0
+        if abs(distance) < best:
+            best, near_x, near_y = abs(distance), side_x, side_y
+        piece = int(outline[piece, END])
+    return (-best if is_inside else best), near_x, near_y
+
+
+@compiled
+@borrows
+def nearest_of_piece(
+    x: float, y: float, outline: np.ndarray, piece: int
+) -> tuple[float, float, float]:
+    """Return the same of a convex piece alone, without the sides that it shares with others."""
     depth, best = -np.inf, np.inf
     near_x, near_y = 0.0, 0.0
-    for i in range(len(outline)):
+    for i in range(piece, int(outline[piece, END])):
         vx, vy, nx, ny = outline[i, 0], outline[i, 1], outline[i, 2], outline[i, 3]
         off_x, off_y = x - vx, y - vy
         depth = max(depth, off_x * nx + off_y * ny)
+        if outline[i, WITHIN] > 0.0:
+            continue
         along = min(max(off_y * nx - off_x * ny, 0.0), outline[i, 4])
         side_x, side_y = vx - along * ny, vy + along * nx
         distance = math.hypot(x - side_x, y - side_y)
@@ -54,9 +73,12 @@ def disc_rows(
         if math.hypot(off_x, off_y) > c.reach + radius + ahead:
             continue
         x, y = cos * off_x + sin * off_y, -sin * off_x + cos * off_y
-        distance, near_x, near_y = nearest_point(x, y, outline)
-        if distance - radius < ahead and distance != 0.0:
-            nx, ny = (near_x - x) / distance, (near_y - y) / distance
-            px, py = near_x - c.com_x, near_y - c.com_y
-            count = put_wall(rows, count, nx, ny, px, py, distance - radius)
+        piece = 0
+        while piece < len(outline):
+            distance, near_x, near_y = nearest_of_piece(x, y, outline, piece)
+            if distance - radius < ahead and distance != 0.0 and math.isfinite(distance):
+                nx, ny = (near_x - x) / distance, (near_y - y) / distance
+                px, py = near_x - c.com_x, near_y - c.com_y
+                count = put_wall(rows, count, nx, ny, px, py, distance - radius)
+            piece = int(outline[piece, END])
     return count

@@ -18,7 +18,7 @@ from firmware_sim.plant.contact import contact_rows, press
 from firmware_sim.plant.discs import nearest_point
 from firmware_sim.plant.plant_state import BODY, DT_S, axis_records, constants, places
 from firmware_sim.plant.plant_step import run_plant
-from firmware_sim.plant.walls import body_outline, wall_grid
+from firmware_sim.plant.walls import END, body_outline, wall_grid
 from firmware_sim.world.world import World
 
 STEP_NS = round(DT_S * 1e9)
@@ -67,10 +67,11 @@ class Plant:
         self._chassis = chassis
         self._world = world
         self._segments = world.touchable
-        self._outline = body_outline(config.outline)
+        pieces = config.pieces
+        self._outline = body_outline(pieces)
         corner, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
         self._p["grid_x"], self._p["grid_y"] = corner
-        self._rows = contact_rows(chassis, self._p)
+        self._rows = contact_rows(chassis, self._p, len(pieces))
         self._noise = noise_state(rng)
         self.discs = np.empty((0, 3))
         self._body = np.zeros(1, BODY)
@@ -171,7 +172,8 @@ class Plant:
         """Name of the obstacle to placing the robot somewhere; "" if none."""
         if inside := self._world.solid_at(x_m, y_m):
             return inside
-        touches = _overlaps(self._outline, self._segments, x_m, y_m, theta_rad)
+        pieces = np.split(self._outline, np.unique(self._outline[:, END])[:-1].astype(int))
+        touches = any(_overlaps(each, self._segments, x_m, y_m, theta_rad) for each in pieces)
         return "a wall" if touches else ""
 
     def _nearest_place(self, x_m: float, y_m: float, theta_rad: float) -> str:
@@ -304,7 +306,7 @@ class Plant:
 
 
 def _overlaps(outline: np.ndarray, segments: np.ndarray, x: float, y: float, theta: float) -> bool:
-    """Whether the outline at a pose touches a wall: separating axes of convex shapes."""
+    """Whether a piece of the outline at a pose touches a wall: separating axes of convex shapes."""
     if len(segments) == 0:
         return False
     c, s = math.cos(theta), math.sin(theta)
@@ -317,7 +319,7 @@ def _overlaps(outline: np.ndarray, segments: np.ndarray, x: float, y: float, the
         axis=2,
     )
     apart = np.zeros(len(segments), dtype=bool)
-    for vx, vy, nx, ny, _ in outline:
+    for vx, vy, nx, ny in outline[:, :4]:
         gap = (ends[:, :, 0] - vx) * nx + (ends[:, :, 1] - vy) * ny
         apart |= np.min(gap, axis=1) > 0.0
     side = ends[:, 1] - ends[:, 0]

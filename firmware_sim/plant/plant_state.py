@@ -137,8 +137,6 @@ CONSTANTS = np.dtype(
             "reach",  # radius about base that holds the outline
             "grid_x",  # corner of the grid of walls, in world
             "grid_y",
-            "centre_x",  # a point inside the outline
-            "centre_y",
         )
     ]
 )
@@ -154,8 +152,7 @@ def constants(config: RobotConfig, chassis: Chassis) -> np.ndarray:
     p = np.zeros(1, CONSTANTS)
     s = config.simulation
     m, w, b = s.motor, s.wheels, s.battery
-    outline = np.array(config.outline)
-    centre = outline.mean(axis=0)
+    corners = np.array([corner for outline in config.outlines for corner in outline])
     gear = m.gear_ratio
     lag = s.steering.time_constant_s
     values = {
@@ -200,9 +197,7 @@ def constants(config: RobotConfig, chassis: Chassis) -> np.ndarray:
         "floor_length": w.floor_length_m,
         "steering_gain": -math.expm1(-DT_S / lag) if lag > 0 else 1.0,
         "wall_friction": s.wall_friction,
-        "reach": float(np.max(np.hypot(outline[:, 0], outline[:, 1]))),
-        "centre_x": float(centre[0]),
-        "centre_y": float(centre[1]),
+        "reach": float(np.max(np.hypot(corners[:, 0], corners[:, 1]))),
     }
     if steering := chassis.steering:
         values["steering_max"] = steering.max_rad

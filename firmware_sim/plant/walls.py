@@ -7,10 +7,11 @@ most cells list none, so that driving in the open costs one look-up.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from firmware_sim.plant.contact import JW, JX, JY, MAX_WALLS, SLOP_M, SOFT, TARGET, put_row
+from firmware_sim.plant.contact import JW, JX, JY, SLOP_M, SOFT, TARGET, put_row
 from firmware_sim.plant.plant_state import DT_S
 from native_kernels.compiled import borrows, compiled
 
@@ -21,18 +22,32 @@ END_M = 5.0e-4
 """Distance [m] from a corner of the outline within which a wall's end makes no own contact."""
 
 
-def body_outline(corners: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """Convex outline, counter-clockwise, (m, 5): corner, outward normal and length of its side."""
-    points = np.array(corners, dtype=np.float64)
-    following = np.roll(points, -1, axis=0)
-    area = np.sum(points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0])
-    if area < 0:
-        points = points[::-1]
-        following = np.roll(points, -1, axis=0)
-    side = following - points
-    length = np.hypot(side[:, 0], side[:, 1])[:, None]
-    normal = np.stack([side[:, 1], -side[:, 0]], axis=1) / length
-    return np.ascontiguousarray(np.hstack([points, normal, length]))
+# Columns of an outline: of each corner, and the side that begins there.
+X, Y, NORMAL_X, NORMAL_Y, LENGTH, END, CENTRE_X, CENTRE_Y, WITHIN = range(9)
+
+
+def body_outline(pieces: Sequence[tuple[tuple[float, float], ...]]) -> np.ndarray:
+    """Convex pieces of a body, counter-clockwise, (m, 9).
+
+    Of each: corner, outward normal and length of its side, number of the row after those of its
+    piece, a point within that, and 1 for a side that two pieces share.
+    """
+    sides = {side for piece in pieces for side in _sides(piece)}
+    parts, end = [], 0
+    for piece in pieces:
+        points = np.array(piece, dtype=np.float64)
+        side = np.roll(points, -1, axis=0) - points
+        length = np.hypot(side[:, 0], side[:, 1])[:, None]
+        normal = np.stack([side[:, 1], -side[:, 0]], axis=1) / length
+        end += len(points)
+        rest = np.tile([end, *points.mean(axis=0)], (len(points), 1))
+        shared = [[float((b, a) in sides)] for a, b in _sides(piece)]
+        parts.append(np.hstack([points, normal, length, rest, shared]))
+    return np.ascontiguousarray(np.vstack(parts))
+
+
+def _sides(piece: tuple[tuple[float, float], ...]) -> list[tuple[tuple[float, float], ...]]:
+    return list(zip(piece, piece[1:] + piece[:1], strict=True))
 
 
 def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[tuple[float, float], np.ndarray]:
@@ -115,12 +130,40 @@ def wall_rows(
         # From here on in base.
         ax, ay = cos * ax + sin * ay, -sin * ax + cos * ay
         bx, by = cos * bx + sin * by, -sin * bx + cos * by
-        count = corner_rows(
-            c.com_x, c.com_y, c, ax, ay, bx, by, length, ahead, outline, rows, count
-        )
-        count = end_row(c.com_x, c.com_y, ax, ay, ahead, outline, rows, count)
-        count = end_row(c.com_x, c.com_y, bx, by, ahead, outline, rows, count)
+        piece = 0
+        while piece < len(outline):
+            end = int(outline[piece, END])
+            # Past the end of a wall, a piece may have corners on both sides of its line.
+            if end - piece == len(outline) or is_near(ax, ay, bx, by, ahead, outline, piece, end):
+                count = corner_rows(
+                    c.com_x, c.com_y, ax, ay, bx, by, length, ahead, outline, piece, rows, count
+                )
+                count = end_row(c.com_x, c.com_y, ax, ay, ahead, outline, piece, rows, count)
+                count = end_row(c.com_x, c.com_y, bx, by, ahead, outline, piece, rows, count)
+            piece = end
     return count
+
+
+@compiled
+@borrows
+def is_near(
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    ahead: float,
+    outline: np.ndarray,
+    piece: int,
+    end: int,
+) -> bool:
+    """Whether no side of a piece keeps a wall from a to b away from it, all in base."""
+    for i in range(piece, end):
+        vx, vy, nx, ny = outline[i, X], outline[i, Y], outline[i, NORMAL_X], outline[i, NORMAL_Y]
+        from_a = (ax - vx) * nx + (ay - vy) * ny
+        from_b = (bx - vx) * nx + (by - vy) * ny
+        if from_a >= ahead and from_b >= ahead:
+            return False
+    return True
 
 
 @compiled
@@ -128,7 +171,6 @@ def wall_rows(
 def corner_rows(
     com_x: float,
     com_y: float,
-    c: np.ndarray,
     ax: float,
     ay: float,
     bx: float,
@@ -136,15 +178,16 @@ def corner_rows(
     length: float,
     ahead: float,
     outline: np.ndarray,
+    piece: int,
     rows: np.ndarray,
     count: int,
 ) -> int:
-    """Rows of the outline's corners against the face of a wall from a to b, all in base."""
+    """Rows of a piece's corners against the face of a wall from a to b, all in base."""
     dx, dy = (bx - ax) / length, (by - ay) / length
     nx, ny = -dy, dx
-    if (c.centre_x - ax) * nx + (c.centre_y - ay) * ny < 0.0:  # type: ignore[attr-defined]
+    if (outline[piece, CENTRE_X] - ax) * nx + (outline[piece, CENTRE_Y] - ay) * ny < 0.0:
         nx, ny = -nx, -ny
-    for i in range(len(outline)):
+    for i in range(piece, int(outline[piece, END])):
         vx, vy = outline[i, 0], outline[i, 1]
         gap = (vx - ax) * nx + (vy - ay) * ny
         along = (vx - ax) * dx + (vy - ay) * dy
@@ -162,16 +205,17 @@ def end_row(
     ey: float,
     ahead: float,
     outline: np.ndarray,
+    piece: int,
     rows: np.ndarray,
     count: int,
 ) -> int:
-    """Row of a wall's end at e against the sides of the outline, in base."""
+    """Row of a wall's end at e against the sides of a piece, in base."""
     best, side = -np.inf, -1
-    for i in range(len(outline)):
+    for i in range(piece, int(outline[piece, END])):
         gap = (ex - outline[i, 0]) * outline[i, 2] + (ey - outline[i, 1]) * outline[i, 3]
         if gap > best:
             best, side = gap, i
-    if best >= ahead:
+    if best >= ahead or outline[side, WITHIN] > 0.0:
         return count
     nx, ny = outline[side, 2], outline[side, 3]
     along = (ex - outline[side, 0]) * -ny + (ey - outline[side, 1]) * nx
@@ -190,9 +234,9 @@ def put_wall(
     The body may close no more than the gap within the step. A penetration is resolved at no more
     than 0.1 m/s.
     """
-    if count >= MAX_WALLS:
-        return count
     i = 2 * count
+    if i >= len(rows):
+        return count
     put_row(rows, i, nx, ny, px, py)
     put_row(rows, i + 1, -ny, nx, px, py)
     rows[i, TARGET] = min(-(gap - SLOP_M) / DT_S, 0.1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.footprint import Footprint
-from robotctl.model.footprint_arrays import OFFSET, side_rows
+from robotctl.model.footprint_arrays import OFFSET, PIECE, side_rows
+from robotctl.model.polygons import sides_of
 
 _TINY: Final = 1e-300
 
@@ -122,24 +124,42 @@ def _each_distance(sides: _Side) -> NDArray[np.float64]:
 def _outline_distance(sides: _Side, body: Footprint) -> NDArray[np.float64]:
     """Return the distance of the body from the nearest side that does not cross it, (n,) [m].
 
-    The nearest points of two disjoint convex shapes are a corner of one of them and any point of
-    the other.
+    The nearest points of two disjoint convex shapes, here of a piece and a side, are a corner of
+    one of them and any point of the other.
     """
     away = _away(body, sides.ax, sides.ay)
     distance: NDArray[np.float64] = away.min(axis=1, initial=math.inf)
-    for corner in body.corners:
+    for corner in body.points:
         distance = np.minimum(distance, sides.distance(*corner))
     return distance
 
 
 def _crosses(sides: _Side, body: Footprint) -> NDArray[np.bool_]:
-    """Return whether one of the sides has a point in the body, (n,).
+    """Return whether one of the sides has a point in the body, (n,)."""
+    meets = np.zeros(len(sides.ax), np.bool_)
+    for rows in _pieces(body):
+        meets |= _crosses_piece(sides, rows)
+    return meets
 
-    The side is clipped to the inner half-plane of each side of the body (Cyrus and Beck, Computers
+
+@lru_cache(maxsize=8)
+def _pieces(body: Footprint) -> list[NDArray[np.float64]]:
+    """Return the sides of each convex piece of a body: normal and distance from `base`, (k, 3).
+
+    They are kept: the control loop asks several times a tick.
+    """
+    rows = side_rows(body)
+    return [rows[rows[:, PIECE] == number, : OFFSET + 1] for number in range(len(body.pieces))]
+
+
+def _crosses_piece(sides: _Side, rows: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether one of the sides has a point in a convex piece, (n,).
+
+    The side is clipped to the inner half-plane of each side of the piece (Cyrus and Beck, Computers
     and Graphics 3, 1978).
     """
     enter, leave = np.zeros_like(sides.ax), np.ones_like(sides.ax)
-    for nx, ny, offset in side_rows(body)[:, : OFFSET + 1]:
+    for nx, ny, offset in rows:
         way = nx * (sides.bx - sides.ax) + ny * (sides.by - sides.ay)
         left = offset - nx * sides.ax - ny * sides.ay
         beside = np.where(left >= 0.0, math.inf, -math.inf)
@@ -154,7 +174,7 @@ def _crosses(sides: _Side, body: Footprint) -> NDArray[np.bool_]:
 def _depth(polygon: FencePolygon, sides: _Side, body: Footprint) -> NDArray[np.float64]:
     """Return the depth by which the body sticks out across a side, (n,) [m], >= 0."""
     depth = np.zeros(len(sides.ax))
-    for corner in body.corners:
+    for corner in body.points:
         is_in = sides.surround(*corner) == polygon.keeps_in
         depth = np.maximum(depth, np.where(is_in, 0.0, sides.distance(*corner)))
     inside = -_outside(body, sides.ax, sides.ay)
@@ -171,7 +191,7 @@ def _from_circle(
     x, y = cos * away_x + sin * away_y, cos * away_y - sin * away_x
     base = np.hypot(x, y)
     if circle.keeps_in:
-        corners = [np.hypot(x - each[0], y - each[1]) for each in body.corners]
+        corners = [np.hypot(x - each[0], y - each[1]) for each in body.points]
         clearance = circle.radius_m - np.max(corners, axis=0)
         way_back = base - circle.radius_m
     else:
@@ -183,17 +203,23 @@ def _from_circle(
 def _outside(
     body: Footprint, x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return how far points of `base` lie outside of the farthest side; negative: inside [m]."""
-    outside = np.full_like(x, -math.inf)
-    for nx, ny, offset in side_rows(body)[:, : OFFSET + 1]:
-        outside = np.maximum(outside, nx * x + ny * y - offset)
-    return outside
+    """Return how far points of `base` lie outside of the farthest side; negative: inside [m].
+
+    Of several pieces, that of which they lie least outside counts.
+    """
+    least = np.full_like(x, math.inf)
+    for rows in _pieces(body):
+        outside = np.full_like(x, -math.inf)
+        for nx, ny, offset in rows:
+            outside = np.maximum(outside, nx * x + ny * y - offset)
+        least = np.minimum(least, outside)
+    return least
 
 
 def _away(body: Footprint, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distance of points of `base` from the body [m], 0 within."""
     away = np.full_like(x, math.inf)
-    for (ax, ay), (bx, by) in body.sides():
+    for (ax, ay), (bx, by) in (side for each in body.outlines for side in sides_of(each)):
         ux, uy = bx - ax, by - ay
         along = np.clip(((x - ax) * ux + (y - ay) * uy) / (ux * ux + uy * uy), 0.0, 1.0)
         away = np.minimum(away, np.hypot(x - ax - along * ux, y - ay - along * uy))

@@ -202,7 +202,7 @@ class SonarOutline(msgspec.Struct, frozen=True):
 
 
 class RobotOutline(msgspec.Struct, frozen=True):
-    """Constants of the robot while it runs; `outline` are the corners of its body [m]."""
+    """Constants of the robot while it runs; `outlines` are polygons that make up its body [m]."""
 
     name: str
     version: str
@@ -211,7 +211,7 @@ class RobotOutline(msgspec.Struct, frozen=True):
     holonomic: bool
     has_lidar: bool
     has_localiser: bool
-    outline: tuple[tuple[float, float], ...]
+    outlines: tuple[tuple[tuple[float, float], ...], ...]
     sonars: tuple[SonarOutline, ...]
     v_max_m_s: float
     omega_max_rad_s: float

@@ -99,8 +99,9 @@ def test_an_outline_is_the_body_either_way_round() -> None:
     ("settings", "said"),
     [
         (["body.outline=[[0.2,-0.2],[0.2,0.2]]"], "three corners at least, found 2"),
-        (["body.outline=[[0.3,-0.2],[0.1,0],[0.3,0.2],[-0.2,0.2],[-0.2,-0.2]]"], "must be convex"),
-        (["body.outline=[[0.9,-0.2],[0.9,0.2],[0.5,0.2],[0.5,-0.2]]"], "base must lie to the left"),
+        (["body.outline=[[0.3,-0.2],[0.3,0.2],[-0.2,-0.2],[-0.2,0.2]]"], "meet at its corners"),
+        (["body.outline=[[0.9,-0.2],[0.9,0.2],[0.5,0.2],[0.5,-0.2]]"], "base must lie inside"),
+        (["body.outline=[[0.3,-0.2],[0.3,0.2],[-0.2,0.2],[-0.2,-0.2],[0.3,-0.2]]"], "0.2 twice"),
         (["body.outline=[[20,-2],[20,2],[-2,2],[-2,-2]]"], "farther than 10 m from base"),
         (["body.outline=[[0.2,-0.2],[0.2,nan],[-0.2,0.2]]"], "body.outline"),
         (["body.outline=[[0.2,-0.1],[0.2,0.1],[-0.2,0.1],[-0.2,-0.1]]"], r"sonar .* m outside"),
@@ -114,6 +115,34 @@ def test_an_outline_is_the_body_either_way_round() -> None:
 def test_what_is_no_outline_or_not_the_only_one_is_refused(settings, said) -> None:
     with pytest.raises(ConfigError, match=said):
         load_robot(find_file("diff_drive"), settings)
+
+
+def test_an_outline_may_be_hollow_and_have_parts_beside_it(tmp_path: Path) -> None:
+    outline = ((0.2, -0.4), (0.2, 0.17), (-0.16, 0.17), (-0.16, -0.17), (0.1, -0.17), (0.1, -0.4))
+    lift = ((0.2, 0.05), (0.5, 0.05), (0.5, 0.1), (0.2, 0.1))  # clockwise
+    path = tmp_path / "armed.toml"
+    text = find_file("diff_drive").read_text()
+    table = f"[body]\noutline = {list(map(list, outline))}\n"
+    part = f'[[body.part]]\nname = "lift"\noutline = {list(map(list, lift[::-1]))}\n'
+    path.write_text(text + table + part)
+    body = load_robot(path).footprint
+    assert (body.front_m, body.left_m, body.right_m) == (0.5, 0.17, 0.4)
+    assert body.depth_m(0.4, 0.07) == pytest.approx(0.02)
+    assert body.depth_m(0.0, -0.3) < 0.0
+    last = text.count("\n") + 5
+    for wrong, said in (
+        (part.replace("name", "nam"), rf':{last - 1}: body.part\S*nam: unknown key; did .*"name"'),
+        (part.replace("[0.5, 0.1]", "[0.3, 0.0]"), rf":{last}: body.part.*outline: sides"),
+        (part.replace("[[0.2, 0.1], ", "[").replace("[0.5, 0.1], ", ""), "three corners"),
+        (part + part, "body.part: two have the same name: lift, lift"),
+        (part.replace("body.part", "body.parts"), r'body\.parts: unknown key; did you mean "part"'),
+    ):
+        path.write_text(text + table + wrong)
+        with pytest.raises(ConfigError, match=said):
+            load_robot(path)
+    path.write_text(text + part)
+    with pytest.raises(ConfigError, match=r"body\.outline: missing, but needed beside parts"):
+        load_robot(path)
 
 
 @pytest.mark.parametrize(

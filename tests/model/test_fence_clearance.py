@@ -1,20 +1,28 @@
-"""The distance of a body from its fence, against shapely-free oracles: points, sampled densely."""
+"""The distance of a body from its fence, against points, sampled densely, and shapely."""
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+import shapely
+import shapely.affinity
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.fence_clearance import body_clearance
 from robotctl.model.footprint import Footprint
 from robotctl.model.footprint_arrays import samples
+from tests.model.polygon_bodies import bodies, shape_of
 
 BODY = Footprint.rectangle(-0.25, 0.2, 0.18)
 ARM = Footprint(((0.1, -0.6), (0.3, -0.5), (0.25, 0.2), (-0.25, 0.2), (-0.25, -0.2)))
 """Of a robot with an arm to its right."""
+HOLLOW = Footprint(
+    ((0.3, -0.6), (0.3, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.1, -0.2), (0.1, -0.6)),
+    (((-0.5, -0.1), (-0.4, -0.1), (-0.4, 0.1), (-0.5, 0.1)),),
+)
+"""Of one with such an arm, free floor behind it, and a part that stands apart."""
 places = st.floats(-3.0, 3.0).map(lambda value: round(value, 3))
 points = st.tuples(places, places)
 
@@ -72,7 +80,7 @@ def boundary(fence):
 
 
 @settings(max_examples=40)
-@given(fences(), poses, st.sampled_from([BODY, ARM]))
+@given(fences(), poses, st.sampled_from([BODY, ARM, HOLLOW]))
 def test_positive_is_the_distance_of_a_body_that_is_wholly_where_it_may_be(fence, pose, body):
     (clearance,) = body_clearance(fence, body, np.array([pose]))
     here = body_points(pose, body)
@@ -83,6 +91,26 @@ def test_positive_is_the_distance_of_a_body_that_is_wholly_where_it_may_be(fence
         assert away_m == pytest.approx(clearance, abs=0.05)
     elif away_m > 0.05:
         assert not all(is_allowed(fence, point) for point in here)
+
+
+@settings(max_examples=40)
+@given(st.lists(points, min_size=3, max_size=6), poses, bodies())
+def test_the_distance_of_any_body_from_a_fence_is_what_shapely_says(corners, pose, body):
+    fence = shapely.Polygon(corners)
+    assume(fence.is_valid and fence.area > 0.1)
+    shape = shapely.affinity.rotate(shape_of(body), pose[2], origin=(0, 0), use_radians=True)
+    shape = shapely.affinity.translate(shape, *pose[:2])
+    for keeps_in in (True, False):
+        around = Fence((FencePolygon(tuple(corners), keeps_in),))
+        (clearance,) = body_clearance(around, body, np.array([pose]))
+        away = shape.distance(fence.exterior)
+        allowed = fence.contains(shape) if keeps_in else fence.disjoint(shape)
+        if away > 1e-6:
+            assert (clearance > 0.0) == allowed
+            if allowed:
+                assert clearance == pytest.approx(away, abs=1e-6)
+        else:
+            assert clearance <= 1e-6
 
 
 @settings(max_examples=40)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.model.footprint import Footprint
 from robotctl.model.footprint_arrays import discs, samples
+from robotctl.model.polygons import sides_of
 
 RECTANGLE = Footprint(((0.4, -0.2), (0.4, 0.2), (-0.1, 0.2), (-0.1, -0.2)))
 
@@ -27,10 +28,17 @@ def test_a_robot_without_corners_is_a_point():
     ("corners", "said"),
     [
         (((1, 0), (0, 1)), "three corners"),
-        (((1, 1), (1, -1), (-1, -1), (-1, 1)), "left of the side"),  # clockwise
-        (((2, 1), (3, 1), (3, 2), (2, 2)), "left of the side"),  # base is outside
-        (((1, -1), (0.2, 0), (1, 1), (-1, 1), (-1, -1)), "convex"),
-        (((1, 0), (-0.81, 0.59), (0.31, -0.95), (0.31, 0.95), (-0.81, -0.59)), "convex"),  # a star
+        (((1, 1), (1, -1), (-1, -1), (-1, 1)), "must run counter-clockwise"),
+        (((2, 1), (3, 1), (3, 2), (2, 2)), "base must lie inside"),
+        (((1, -1), (0.0, 0), (1, 1), (-1, 1), (-1, -1)), "base must lie inside"),
+        (((1, -1), (-0.2, 0), (1, 1), (-1, 1), (-1, -1)), "base must lie inside"),
+        (
+            ((1, 0), (-0.81, 0.59), (0.31, -0.95), (0.31, 0.95), (-0.81, -0.59)),  # a star
+            "the one from 1, 0 to -0.81, 0.59 meets that from 0.31, -0.95 to 0.31, 0.95",
+        ),
+        (((1, -1), (1, 1), (-1, -1), (-1, 1)), "may only meet at its corners"),
+        (((1, -1), (1, 1), (-1, 1), (-1, -1), (0, -1), (0, 1), (0, -1)), "0, -1 twice"),
+        (((1, -1), (1, 1), (-1, 1), (-1, 0.5), (1, 0.5), (-1, -1)), "may only meet"),
     ],
 )
 def test_what_is_no_outline_is_refused(corners, said):
@@ -43,7 +51,7 @@ def test_points_lie_in_the_outline_and_leave_no_hole(count, radius_m, spacing_m,
     angles = turn + np.arange(count) * math.tau / count
     footprint = Footprint(tuple((radius_m * math.cos(a), radius_m * math.sin(a)) for a in angles))
     points = samples(footprint, spacing_m)
-    for (ax, ay), (bx, by) in footprint.sides():
+    for (ax, ay), (bx, by) in sides_of(footprint.corners):
         side = (bx - ax) * (points[:, 1] - ay) - (by - ay) * (points[:, 0] - ax)
         assert (side > -1e-6).all()
     rng = np.random.default_rng(0)

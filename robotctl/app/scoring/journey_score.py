@@ -36,7 +36,7 @@ class JourneyScore:
     Parameters
     ----------
     body
-        (k, 2) corners of its outline in `base`, in order around it, convex [m].
+        Convex pieces of it: (k, 2) corners of each in `base`, counter-clockwise [m].
     sides
         (n, 4) sides of all that stands in the world: x, y, x, y [m].
     best
@@ -53,13 +53,15 @@ class JourneyScore:
 
     def __init__(
         self,
-        body: NDArray[np.float64],
+        body: Sequence[NDArray[np.float64]],
         sides: NDArray[np.float64],
         best: Callable[[], Best | None] = lambda: None,
     ) -> None:
-        self._body, self._sides = np.ascontiguousarray(body), np.ascontiguousarray(sides)
+        self._body = [np.ascontiguousarray(piece) for piece in body]
+        self._sides = np.ascontiguousarray(sides)
         self._best = best
-        self._reach_m = float(np.hypot(*body.T).max()) + _LOOK_M
+        reaches_m = [float(np.hypot(*piece.T).max()) for piece in self._body]
+        self._reach_m = max(reaches_m) + _LOOK_M
         self.min_clearance_m = math.inf
         self.near_misses = 0
         self._missing = False
@@ -106,20 +108,20 @@ class JourneyScore:
     def _clearance_m(self, pose: StampedPose, people_m: Sequence[tuple[float, float]]) -> float:
         """Return the distance of the outline from the nearest thing or person [m]."""
         at = (pose.x_m, pose.y_m, pose.theta_rad)
-        clearance_m = outline_distance(self._body, self._sides, *at, self._reach_m)
+        clearance_m = self._distance_m(self._sides, at)
         if people_m:
-            middles = np.hstack([people_m, people_m])
-            apart_m = outline_distance(self._body, middles, *at, self._reach_m) - RADIUS_M
+            apart_m = self._distance_m(np.hstack([people_m, people_m]), at) - RADIUS_M
             clearance_m = min(clearance_m, max(apart_m, 0.0))
         return clearance_m
+
+    def _distance_m(self, sides: NDArray[np.float64], at: tuple[float, float, float]) -> float:
+        """Return the distance of the body from the nearest side [m]."""
+        return min(outline_distance(piece, sides, *at, self._reach_m) for piece in self._body)
 
 
 def journey_score(
     simulated: SimulatedRobot, room: World, start: SE2, mission: Mission, robot: RobotConfig
 ) -> JourneyScore:
     """Return the score of a run that begins at `start`."""
-    body = np.array(simulated.outline)
-    x, y = body.T
-    if (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0:
-        body = body[::-1]
+    body = [np.array(piece) for piece in simulated.pieces]
     return JourneyScore(body, room.touchable, lambda: best_path(robot, room, start, mission))

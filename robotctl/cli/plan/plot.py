@@ -34,9 +34,8 @@ def save_plot(result: PlanResult, file: Path) -> None:
             figure.suptitle(answer.text, wrap=True, fontsize="medium")
         else:
             poses = answer.poses
-            corners = np.array(result.space.footprint.corners)
-            if len(corners):
-                shown = poses[:: max(1, math.ceil(len(poses) / _OUTLINES))]
+            shown = poses[:: max(1, math.ceil(len(poses) / _OUTLINES))]
+            for corners in map(np.array, result.space.footprint.outlines):
                 for x, y, theta in (*shown, poses[-1]):
                     turn = np.array(
                         [[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]]

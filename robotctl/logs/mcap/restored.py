@@ -138,11 +138,19 @@ def moving_things(content: Content) -> tuple[tuple[float, float, float, float, f
     return tuple(found)
 
 
-def body_corners(content: Content) -> tuple[tuple[float, float], ...]:
-    """Return the corners of the body in a `foxglove.SceneUpdate`, whose outline has a nose [m]."""
-    points = [(each["x"], each["y"]) for each in content["entities"][0]["lines"][0]["points"]]
-    front_m = points[0][0]
-    return tuple(dict.fromkeys(each for each in points if each[0] <= front_m))
+def body_outlines(content: Content) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """Return the polygons of the body in a `foxglove.SceneUpdate` [m], without its nose.
+
+    The nose is the last line; in logs of before that was so, a corner of the only one.
+    """
+    polygons = [
+        [(each["x"], each["y"]) for each in line["points"]]
+        for line in content["entities"][0]["lines"]
+    ]
+    if len(polygons) > 1:
+        return tuple(map(tuple, polygons[:-1]))
+    front_m = polygons[0][0][0]
+    return (tuple(dict.fromkeys(each for each in polygons[0] if each[0] <= front_m)),)
 
 
 def packed_points(content: Content, names: tuple[str, ...]) -> bytes:

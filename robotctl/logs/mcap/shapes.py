@@ -89,9 +89,9 @@ def outline(wall_ns: int, body: Footprint) -> SceneUpdate:
     """Return the robot's body, with a nose."""
     half_m = 0.5 * (body.left_m + body.right_m)
     nose = [(body.front_m, half_m), (body.front_m + 0.5 * half_m, 0.0), (body.front_m, -half_m)]
+    drawn = [*((LineType.LINE_LOOP, each) for each in body.outlines), (LineType.LINE_STRIP, nose)]
     lines = tuple(
-        line(kind, tuple(itertools.starmap(point, corners)), _BLUE)
-        for kind, corners in ((LineType.LINE_LOOP, body.corners), (LineType.LINE_STRIP, nose))
+        line(kind, tuple(itertools.starmap(point, corners)), _BLUE) for kind, corners in drawn
     )
     return draw(
         SceneEntity(time_of(wall_ns), BASE, "outline", lasting(0), frame_locked=True, lines=lines)

@@ -137,7 +137,7 @@ class ObstacleGuard:
         self._corners: Sequence[Point] = _corners(mounts, config.half_width_m)
         nose_m, half_m = config.nose_m, config.half_width_m
         if outline is not None:
-            self._corners = outline.corners
+            self._corners = outline.points
             nose_m = max(outline.front_m, -outline.rear_m)
             half_m = max(outline.left_m, outline.right_m)
         self.reach_over_m = nose_m, half_m

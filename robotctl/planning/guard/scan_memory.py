@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.footprint import Footprint
-from robotctl.model.footprint_arrays import OFFSET, side_rows
+from robotctl.model.footprint_arrays import OFFSET, PIECE, side_rows
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
@@ -85,8 +85,11 @@ class ScanMemory:
 
     def _covers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points in `base` the robot stands on, (n,)."""
-        depths = self._body[:, OFFSET] - points @ self._body[:, :OFFSET].T
-        return np.asarray((depths > 0.0).all(axis=1))
+        inside = self._body[:, OFFSET] - points @ self._body[:, :OFFSET].T > 0.0
+        covered = np.zeros(len(points), np.bool_)
+        for piece in range(1 + int(self._body[:, PIECE].max(initial=0.0))):
+            covered |= inside[:, self._body[:, PIECE] == piece].all(axis=1)
+        return covered
 
 
 def _in_view(points: NDArray[np.float64], scan: RangeScan, same_m: float) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from native_kernels.compiled import borrows, compiled
-from robotctl.model.footprint_arrays import Sides
+from robotctl.model.footprint_arrays import HULL, OPEN, PIECE, Sides
 from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
 
 _STRAIGHT: Final = 1e-4
@@ -24,6 +24,8 @@ _LENGTHWISE: Final = 0.1
 """A side of the body along which it drives has a normal with less than this ahead, or behind."""
 _ROUNDING_M: Final = 1e-6
 """A point this near to a side lies on it [m]: it may leave there."""
+_ROUNDED_M: Final = 1e-9
+"""Distance by which a point between two pieces may seem to lie outside of both [m]."""
 _STANDS: Final = 1e-9
 """Motion per way of `base` below which a part of the body stands."""
 
@@ -98,12 +100,13 @@ def is_no_wall_beside(body: Sides, points: NDArray[np.float64]) -> NDArray[np.bo
     """Return which points are none ahead or behind of a wall that reaches in at a side, (n,).
 
     The body is drawn with a little room, and a robot that stands so close beside a wall could not
-    drive along it: what is as far aside as the wall beside the robot is passed as that is.
+    drive along it: what is as far aside as the wall beside the robot is passed as that is. Only
+    sides count beyond which there is nothing of the body, or an arm would be driven into that.
     """
     kept = np.ones(len(points), np.bool_)
     depths = np.empty(len(points))
     for side in range(len(body)):
-        if abs(body[side, 0]) >= _LENGTHWISE:
+        if abs(body[side, 0]) >= _LENGTHWISE or body[side, HULL] == 0.0:
             continue
         count = 0
         for number in range(len(points)):
@@ -124,10 +127,10 @@ def is_no_wall_beside(body: Sides, points: NDArray[np.float64]) -> NDArray[np.bo
 @compiled
 @borrows
 def _depths(body: Sides, side: int, x: float, y: float) -> tuple[float, float]:
-    """Return how deep a point lies below a side, and below the nearest of the others [m]."""
+    """Return how deep a point lies below a side, and below the nearest other of its piece [m]."""
     others = np.inf
     for k in range(len(body)):
-        if k != side:
+        if k != side and body[k, PIECE] == body[side, PIECE]:
             others = min(others, body[k, 2] - body[k, 0] * x - body[k, 1] * y)
     return body[side, 2] - body[side, 0] * x - body[side, 1] * y, others
 
@@ -135,11 +138,42 @@ def _depths(body: Sides, side: int, x: float, y: float) -> tuple[float, float]:
 @compiled
 @borrows
 def depth_below(sides: Sides, x: float, y: float) -> float:
-    """Return how deep a point lies below the nearest side [m]; < 0: outside."""
-    least = np.inf
+    """Return how deep a point lies below the nearest side [m]; < 0: outside.
+
+    Of several pieces, the one in which it lies deepest counts outside of them, and inside the sides
+    beyond which there is nothing of the body: to those between two pieces nothing is near.
+    """
+    most, least, piece = -np.inf, np.inf, 0.0
     for k in range(len(sides)):
+        if sides[k, PIECE] != piece:
+            most, least, piece = max(most, least), np.inf, sides[k, PIECE]
+            if piece == OPEN:
+                return most if most < -_ROUNDED_M else _from_open_side(sides, x, y)[0]
         least = min(least, sides[k, 2] - sides[k, 0] * x - sides[k, 1] * y)
-    return least
+    return max(most, least)
+
+
+@compiled
+@borrows
+def _from_open_side(sides: Sides, x: float, y: float) -> tuple[float, float, float]:
+    """Return how far a point in the body is from the nearest open side [m], and which way inwards.
+
+    Away from a corner that reaches into the body, or straight away from a side.
+    """
+    least, to_x, to_y = np.inf, 0.0, 0.0
+    for k in range(len(sides) - 1, -1, -1):
+        if sides[k, PIECE] != OPEN:
+            break
+        nx, ny = sides[k, 0], sides[k, 1]
+        along = nx * y - ny * x
+        at = min(max(along, sides[k, 3]), sides[k, 4])
+        off_x, off_y = x - (nx * sides[k, 2] - ny * at), y - (ny * sides[k, 2] + nx * at)
+        away = math.hypot(off_x, off_y)
+        if away < least:
+            least, to_x, to_y = away, -nx, -ny
+            if at != along and away > 2.0 * _ROUNDING_M:
+                to_x, to_y = off_x / away, off_y / away
+    return least, to_x, to_y
 
 
 @compiled
@@ -147,7 +181,7 @@ def way_to_contact(body: Sides, x: float, y: float, course: Course) -> float:
     """Return how far `base` moves until the body touches a point [m]; inf: never.
 
     A point within the body is touched at once if it gets deeper below the side that is nearest to
-    it, and not at all if it leaves there.
+    it, and not at all if it leaves there; or by another piece that follows.
 
     Parameters
     ----------
@@ -160,9 +194,14 @@ def way_to_contact(body: Sides, x: float, y: float, course: Course) -> float:
     if least < -_ROUNDING_M:
         if abs(course.turn) < _STRAIGHT:
             return _straight(body, x, y, course)
-        return _on_arc(body, x, y, course)
+        return _on_arc(body, x, y, course, False)
     # Motion of the point in the body, towards the nearest of the sides.
     ahead, left = _motion(course, x, y)
+    if body[len(body) - 1, PIECE] == OPEN:
+        _, to_x, to_y = _from_open_side(body, x, y)
+        if -ahead * to_x - left * to_y > LEAST_CLOSING:
+            return 0.0
+        return _followed(body, x, y, course)
     for k in range(len(body)):
         if body[k, 2] - body[k, 0] * x - body[k, 1] * y == least:
             outwards = -ahead * body[k, 0] - left * body[k, 1]
@@ -184,27 +223,32 @@ def _straight(body: Sides, x: float, y: float, course: Course) -> float:
     It does where the point has crossed all sides inwards and none outwards (Cyrus and Beck
     clip a line so, Computers and Graphics 3, 1978).
     """
-    enters, leaves = -math.inf, math.inf
+    enters, leaves, piece, least = -math.inf, math.inf, 0.0, math.inf
     for k in range(len(body)):
+        if body[k, PIECE] != piece:
+            least = min(least, enters if 0.0 <= enters <= leaves else math.inf)
+            enters, leaves, piece = -math.inf, math.inf, body[k, PIECE]
+            if piece == OPEN:
+                return least
         outside = body[k, 0] * x + body[k, 1] * y - body[k, 2]
         closing = body[k, 0] * course.ahead + body[k, 1] * course.left
         if abs(closing) < _STANDS:
             if outside > 0.0:
-                return math.inf
+                leaves = -math.inf
         elif closing > 0.0:
             enters = max(enters, outside / closing)
         else:
             leaves = min(leaves, outside / closing)
-    return enters if 0.0 <= enters <= leaves else math.inf
+    return min(least, enters if 0.0 <= enters <= leaves else math.inf)
 
 
 @compiled
 @borrows
-def _on_arc(body: Sides, x: float, y: float, course: Course) -> float:
+def _on_arc(body: Sides, x: float, y: float, course: Course, inwards: bool) -> float:
     """Return the way on an arc until the body touches a point outside of it.
 
     Seen from the body, a point goes round the centre of the arc the other way, and meets the body
-    where its circle first crosses one of the sides.
+    where its circle first crosses one of the sides; with `inwards`, only from without.
     """
     centre_x, centre_y = -course.left / course.turn, course.ahead / course.turn
     x, y = x - centre_x, y - centre_y
@@ -220,8 +264,31 @@ def _on_arc(body: Sides, x: float, y: float, course: Course) -> float:
             for at in (half, -half):
                 if body[k, 3] - along <= at <= body[k, 4] - along:
                     to_x, to_y = nx * away - ny * at, ny * away + nx * at
+                    if inwards and sense * at >= 0.0:
+                        continue
                     least = min(least, _turned(x, y, to_x, to_y, sense))
     return least / abs(course.turn)
+
+
+@compiled
+@borrows
+def _followed(body: Sides, x: float, y: float, course: Course) -> float:
+    """Return the way until an open side of the body comes over a point that was not under it."""
+    least, straight = math.inf, abs(course.turn) < _STRAIGHT
+    for k in range(len(body) - 1, -1, -1):
+        if body[k, PIECE] != OPEN:
+            break
+        if straight:
+            closing = body[k, 0] * course.ahead + body[k, 1] * course.left
+            outside = body[k, 0] * x + body[k, 1] * y - body[k, 2]
+            if closing > _STANDS and outside > _ROUNDING_M:
+                way = outside / closing
+                to_x, to_y = x - way * course.ahead, y - way * course.left
+                if body[k, 3] <= body[k, 0] * to_y - body[k, 1] * to_x <= body[k, 4]:
+                    least = min(least, way)
+        else:
+            least = min(least, _on_arc(body[k : k + 1], x, y, course, True))
+    return least
 
 
 @compiled

@@ -26,7 +26,7 @@ from robotctl.model.grid_map import OCCUPIED, OCCUPIED_FROM, UNKNOWN, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.map import marks
-from robotctl.planning.map.body_cells import cells_at, shrunk
+from robotctl.planning.map.body_cells import cells_at, drawn_in
 from robotctl.planning.map.clearance import Clearance
 from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.planning_map import PlanningMap
@@ -94,7 +94,7 @@ class LayeredMap:
             occupied_percent=OCCUPIED_FROM,
         )
         space.closed = closed
-        self._inner = shrunk(space.samples)
+        self._inner = drawn_in(footprint, space.samples, grid.resolution_m)
         self._limits_m_s = speed_limits(grid, closed, full_speed_m_s)
         space.slowness = path_prices(grid, closed, self._limits_m_s, full_speed_m_s)
         reach = math.ceil((footprint.reach_m + _BEYOND_M) / grid.resolution_m) + 1

@@ -40,6 +40,8 @@ from robotctl.workbench.planning.options import PlanOptions
 DEFAULT_ROBOT: Final = "diff_drive"
 _STEP: Final = 0.5
 """Spacing of the places of a path at which its clearance is taken [cells]."""
+_ROUNDS: Final = 20
+"""How often a planner may ask to go on, when it is to compile its loops."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,12 +182,17 @@ def _steering(name: str) -> Steering | None:
 
 
 def _compile(planner: Planner, footprint: Footprint) -> None:
-    """Let a planner compile its loops, which is not part of its time, on a small map."""
+    """Let a planner compile its loops, which is not part of its time, on a small map.
+
+    One that makes its path better as long as it may is asked for a few rounds only.
+    """
     side_m = max(footprint.reach_m, 1.0)
     cells = np.zeros((13, 13), np.int8)
     cells[:9, 6] = 100
     start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
-    planner.plan(PlanningMap(GridMap(cells, side_m), footprint), start, goal)
+    rounds = iter(range(_ROUNDS))
+    space = PlanningMap(GridMap(cells, side_m), footprint)
+    planner.plan(space, start, goal, lambda: next(rounds, None) is not None)
 
 
 def min_clearance_m(space: PlanningMap, plan: Plan) -> float:

@@ -21,6 +21,7 @@ from robotctl.logs.mcap import restored
 from robotctl.logs.mcap.restored import Content
 from robotctl.messages.estimation import GivenMap, LiveMap, PlanView
 from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.polygons import Polygon
 from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.flight.recorder import read_record
 from robotctl.web.replay_wire import History, Series
@@ -229,23 +230,23 @@ class ReplayedRun:
             holonomic=False,
             has_lidar="lidar" in self._index.topics,
             has_localiser="localisation" in self._index.topics,
-            outline=self._body(),
+            outlines=self._body(),
             sonars=tuple(self._sonars()),
             v_max_m_s=0.0,
             omega_max_rad_s=0.0,
             vy_max_m_s=0.0,
         )
 
-    def _body(self) -> tuple[tuple[float, float], ...]:
-        """Return the corners of the robot's body [m]."""
+    def _body(self) -> tuple[Polygon, ...]:
+        """Return the polygons of the robot's body [m]."""
         logged = self._index.newest("outline", self.end_ns)
         try:
             if logged is not None:
-                return restored.body_corners(_json(logged))
+                return restored.body_outlines(_json(logged))
         except _UNREADABLE:
             pass  # of a version that draws it otherwise
         self.notes.append("nothing tells the robot's size: its body is drawn 0.4 m by 0.3 m")
-        return _UNKNOWN_BODY
+        return (_UNKNOWN_BODY,)
 
     def _sonars(self) -> Iterator[SonarOutline]:
         """Yield the sonars that the log places."""

@@ -31,8 +31,9 @@ def test_the_page_is_told_a_robots_body_and_limits(robot):
         config.limits.v_max_m_s,
         config.limits.vy_max_m_s,
     )
-    assert len(outline.outline) == 4
-    xs, ys = zip(*outline.outline, strict=True)
+    ((*corners,),) = outline.outlines
+    assert len(corners) == 4
+    xs, ys = zip(*corners, strict=True)
     for sonar in config.sonar:
         assert min(xs) <= sonar.x_m <= max(xs)
         assert min(ys) <= sonar.y_m <= max(ys)

@@ -65,7 +65,9 @@ def test_overrides_replace_values_by_dotted_key() -> None:
         ("simulation.motor.resistance_ohm", "1", "found '1'"),
         ("simulation.battery.charge", 1.5, "simulation.battery.charge"),
         ("simulation.body", [[0.0, 0.0], [1.0, 0.0]], "at least 3"),
-        ("simulation.body", [[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]], "not convex"),
+        ("simulation.body", [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]], "crosses itself"),
+        ("body.part", [{"name": "arm", "outline": [[0.0, 0.0], [1.0, 0.0]]}], "at least 3"),
+        ("body.part", [{"nam": "arm", "outline": [[0, 0], [1, 0], [0, 1]]}], 'mean "name"?'),
         ("simulation.springs", 3, "unknown key"),
         ("drive.wheelbase_m", 0.3, "drive.wheelbase_m: unknown key"),
         ("drive.kind", "hover", "drive"),
@@ -174,8 +176,8 @@ def test_without_an_outline_of_its_own_the_true_body_is_the_one_that_robotctl_be
         load_robot(path)
     corners = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]]
     assert load_robot(path, {"body.outline": corners}).outline == tuple(map(tuple, corners))
-    with pytest.raises(SimulationError, match=r"body\.outline: .*not convex"):
-        load_robot(path, {"body.outline": [[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]]})
+    with pytest.raises(SimulationError, match=r"body\.outline: .*crosses itself"):
+        load_robot(path, {"body.outline": [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]})
     assert load_robot(DIFF, {"body.outline": corners}).outline == load_robot(DIFF).simulation.body
 
 

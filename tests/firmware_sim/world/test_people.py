@@ -112,14 +112,14 @@ def test_a_way_is_free_and_little_longer_than_must_be(seed: int) -> None:
 
 @given(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6))
 def test_the_distance_from_the_outline_is_that_of_a_dense_sample(x: float, y: float) -> None:
-    outline = body_outline(ROBOT.simulation.body)
+    outline = body_outline(ROBOT.pieces)
     distance, near_x, near_y = nearest_point(x, y, outline)
     after = np.roll(outline[:, :2], -1, axis=0)
     share = np.linspace(0.0, 1.0, 500)[:, None, None]
     samples = (outline[:, :2] + share * (after - outline[:, :2])).reshape(-1, 2)
     assert abs(distance) == pytest.approx(np.hypot(*(samples - (x, y)).T).min(), abs=1e-3)
     assert math.dist((x, y), (near_x, near_y)) == pytest.approx(abs(distance), abs=1e-12)
-    inside = all((x - vx) * nx + (y - vy) * ny <= 0.0 for vx, vy, nx, ny, _ in outline)
+    inside = all((x - vx) * nx + (y - vy) * ny <= 0.0 for vx, vy, nx, ny in outline[:, :4])
     assert (distance < 0.0) == (inside and distance != 0.0)
 
 

@@ -425,3 +425,24 @@ def test_the_sonar_that_looks_ahead_stops_before_what_a_lidar_does_not_see():
     assert low.obstacle == "front measures 0.12 m"
     # Though the lidar has a point there, too.
     assert beside_a_jamb(jamb, front=0.12).v_max_m_s == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_lies_in_the_hollow_behind_an_arm_hinders_no_way_but_back():
+    outline = ((0.2, -0.5), (0.2, 0.18), (-0.15, 0.18), (-0.15, -0.18), (0.1, -0.18), (0.1, -0.5))
+    guard = ObstacleGuard(CONFIG, MOUNTS, has_lidar=True, outline=Footprint(outline))
+    guard.observe(FREE, NEW, points_base=np.array([[-0.1, -0.4]]))
+    assert guard.step(0.5).v_max_m_s == math.inf
+    back = guard.step(-0.5)
+    assert back.v_max_m_s < 0.5
+    assert "x -0.10 m, y -0.40 m" in back.obstacle
+    assert guard.step(0.0, 1.0).v_max_m_s < math.inf, "the arm would swing away, the tail in"
+    lift = Footprint(outline, (((0.2, -0.05), (0.6, -0.05), (0.6, 0.05), (0.2, 0.05)),))
+    guard = ObstacleGuard(CONFIG, MOUNTS, has_lidar=True, outline=lift)
+    guard.observe((0.9, *FREE[1:]), NEW, points_base=np.array([[2.0, 0.0]]))
+    assert guard.step(0.5).v_max_m_s == pytest.approx(braking_speed(0.9 + 0.18 - 0.6 - 0.12))
+
+
+def braking_speed(way_m):
+    """Return the speed from which the robot stands after a way."""
+    delay = CONFIG.deceleration_m_s2 * CONFIG.reaction_s
+    return math.sqrt(delay * delay + 2.0 * CONFIG.deceleration_m_s2 * way_m) - delay

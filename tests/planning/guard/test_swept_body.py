@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from robotctl.model.footprint import Footprint
 from robotctl.model.footprint_arrays import side_rows
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.polygons import sides_of
 from robotctl.planning.guard.course import Course
 from robotctl.planning.guard.swept_body import free_way, way_to_contact
 
@@ -24,7 +25,7 @@ def depths(point, pose, outline=RECTANGLE):
     x, y = pose.inverse().apply(*point)
     return sorted(
         ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.dist((ax, ay), (bx, by))
-        for (ax, ay), (bx, by) in outline.sides()
+        for (ax, ay), (bx, by) in sides_of(outline.corners)
     )
 
 

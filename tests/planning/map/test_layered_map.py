@@ -433,3 +433,14 @@ def test_what_a_map_made_by_the_robot_knows_counts_until_the_lidar_sees_otherwis
         live.see_scan(HERE, scan(HERE, box(-0.9, 0.0, 4.0, 3.0)), i * TENTH_NS)
     assert not is_blocked(live, 0.0, 1.5)
     assert is_blocked(live, 4.0, 1.5)
+
+
+def test_what_stands_in_the_hollow_beside_an_arm_stays_marked():
+    arm = Footprint(((0.4, -0.9), (0.4, 0.3), (-0.4, 0.3), (-0.4, -0.3), (0.2, -0.3), (0.2, -0.9)))
+    live = LayeredMap(room_map(), arm)
+    post = np.vstack([ROOM, box(0.9, 0.9, 1.0, 1.0)])
+    for i in range(1, 6):
+        live.see_scan(SE2(1.2, 1.6, 0.0), scan(SE2(1.2, 1.6, 0.0), post), i * TENTH_NS)
+        live.stand_at(SE2(1.2, 1.6, 0.0))
+    assert count_marked(live, (0.85, 0.85), (1.05, 1.05)) > 0
+    assert not live.collides(np.array([[1.2, 1.6, 0.0]])).any()

@@ -373,7 +373,8 @@ def test_arc_obstacles_moving_things_and_the_body_are_shown_where_the_log_has_th
         assert view["arc"] == arc.tobytes()
         assert view["obstacles"] == places.tobytes()
         assert view["moving"] == [[5.0, 4.0, 0.3, -0.1, 0.25]]
-        assert sorted(map(tuple, client.hello["outline"])) == sorted(set(corners) - {(0.4, 0.0)})
+        (body,) = client.hello["outlines"]
+        assert sorted(map(tuple, body)) == sorted(set(corners) - {(0.4, 0.0)})
 
 
 def cloud(points, names) -> dict:

@@ -72,7 +72,7 @@ class GiveWay:
         self._tools = tools
         self._config = tools.journey.people
         self._footprint = tools.world.given.footprint
-        self._corners = np.array(self._footprint.corners).reshape(-1, 2)
+        self._corners = np.array(self._footprint.points).reshape(-1, 2)
         self._not_before_ns = 0
         self.end()
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from native_kernels.compiled import compiled
-from robotctl.model.footprint_arrays import outline
+from robotctl.model.footprint_arrays import outlines
 from robotctl.planning.map.planning_map import APART, PlanningMap, body_hits
 
 _IN_LINE_M: Final = 0.3
@@ -82,7 +82,7 @@ def gated(cells: NDArray[np.int64], space: PlanningMap, margin_m: float) -> Iter
     narrow = min((half_m + margin_m) / side_m + 1.0, space.circumscribed)
     around = space.samples
     if space.footprint.corners:
-        around = outline(np.array(space.footprint.corners) / side_m, _STEP)
+        around = outlines(space.footprint, side_m, _STEP)
     body = _Body(space.samples, space.discs, around)
     offset = max(_OFFSET, _OFFSET_M / side_m)
     tried = round(_ASIDE_M / side_m / offset)

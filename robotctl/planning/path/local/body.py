@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from native_kernels.compiled import borrows, compiled
 from robotctl.model.footprint import Footprint
-from robotctl.model.footprint_arrays import discs, outline
+from robotctl.model.footprint_arrays import OFFSET, PIECE, discs, discs_over, outline, side_rows
+from robotctl.model.polygons import Point, sides_of
 from robotctl.planning.map.planning_map import APART
 
 SPACING: Final = 0.25
@@ -24,18 +25,23 @@ COARSE: Final = 1.0
 TOUCH: Final = -1e9
 """The gap of a body that touches something."""
 
+_FAR_M: Final = 1000.0
+_ROUNDING_M: Final = 1e-9
+
 
 class Body(NamedTuple):
-    """A convex body, with a margin round it."""
+    """A body of convex pieces, with a margin round it."""
 
     outline: NDArray[np.float64]
-    """(n, 2) points of the outline in order, `SPACING` apart at most."""
+    """(n, 3) points of the outlines in order, `SPACING` apart at most; with each the number of the
+    point with which its piece ends."""
     coarse: NDArray[np.float64]
     """The same, `COARSE` apart."""
     discs: NDArray[np.float64]
     """(k, 3) circles that cover it."""
     sides: NDArray[np.float64]
-    """(m, 3): unit normals that point outwards, and the distance of the sides from `base`."""
+    """(m, 4): unit normals that point outwards, the distance of the sides from `base`, and the
+    number of their piece."""
     reach: float
     """Distance from `base` to its farthest point."""
 
@@ -51,33 +57,103 @@ class Surroundings(NamedTuple):
 
 
 def make_body(footprint: Footprint, margin_m: float | Sequence[float], resolution_m: float) -> Body:
-    """Return a footprint grown by a margin, or one for each side; its corners stay sharp.
+    """Return a footprint grown by a margin, or one for each row of `side_rows`; with sharp corners.
 
     Raises
     ------
     ValueError
         If margins below 0 leave no body around `base`.
     """
+    if not footprint.is_convex:
+        return _of_pieces(footprint, np.asarray(margin_m), resolution_m)
     count = len(footprint.corners)
     margins_m = [margin_m] * count if isinstance(margin_m, float) else margin_m
     sides = []
-    for ((ax, ay), (bx, by)), each_m in zip(footprint.sides(), margins_m, strict=True):
+    for ((ax, ay), (bx, by)), each_m in zip(sides_of(footprint.corners), margins_m, strict=True):
         length = math.dist((ax, ay), (bx, by))
         nx, ny = (by - ay) / length, (ax - bx) / length
-        sides.append((nx, ny, nx * ax + ny * ay + each_m))
+        sides.append((nx, ny, nx * ax + ny * ay + each_m, 0.0))
     corners = []
-    for (ax, ay, a), (bx, by, b) in zip(sides[-1:] + sides[:-1], sides, strict=True):
+    for (ax, ay, a, _), (bx, by, b, _) in zip(sides[-1:] + sides[:-1], sides, strict=True):
         determinant = ax * by - ay * bx
         corners.append(((a * by - b * ay) / determinant, (b * ax - a * bx) / determinant))
     grown = Footprint(tuple(corners))
-    scale = np.array([1.0, 1.0, 1.0 / resolution_m])
+    if not grown.is_convex:
+        raise ValueError("the margins turn a side round")
+    scale = np.array([1.0, 1.0, 1.0 / resolution_m, 1.0])
     return Body(
-        outline(np.array(corners) / resolution_m, SPACING),
-        outline(np.array(corners) / resolution_m, COARSE),
+        _loops([corners], resolution_m, SPACING),
+        _loops([corners], resolution_m, COARSE),
         discs(grown) / resolution_m,
         np.array(sides) * scale,
         grown.reach_m / resolution_m,
     )
+
+
+def _of_pieces(footprint: Footprint, margins_m: NDArray[np.float64], resolution_m: float) -> Body:
+    """Return a body of several pieces, each grown alone.
+
+    So a piece grows over those beside it, too: that leaves no gap between them.
+    """
+    rows = side_rows(footprint)
+    rows = rows[rows[:, PIECE] >= 0.0]
+    rows[:, OFFSET] += margins_m
+    pieces: list[list[Point]] = []
+    sides, has_base = [], False
+    for number in range(len(footprint.pieces)):
+        piece = rows[rows[:, PIECE] == number, : OFFSET + 1]
+        corners = _enclosed(piece)
+        if corners:
+            has_base = has_base or bool((piece[:, OFFSET] >= -_ROUNDING_M).all())
+            sides.append(np.insert(piece, OFFSET + 1, len(pieces), axis=1))
+            pieces.append(corners)
+    if not has_base:
+        raise ValueError("the margins leave no body around base")
+    scale = np.array([1.0, 1.0, 1.0 / resolution_m, 1.0])
+    return Body(
+        _loops(pieces, resolution_m, SPACING),
+        _loops(pieces, resolution_m, COARSE),
+        np.concatenate([discs_over(piece) for piece in pieces]) / resolution_m,
+        np.concatenate(sides) * scale,
+        max(math.hypot(*corner) for piece in pieces for corner in piece) / resolution_m,
+    )
+
+
+def _enclosed(rows: NDArray[np.float64]) -> list[Point]:
+    """Return the corners of what lies on the inner side of all rows of a body; empty: nothing.
+
+    A square that is far larger is clipped by each (Sutherland and Hodgman, Reentrant polygon
+    clipping, 1974).
+    """
+    corners: list[Point] = [
+        (_FAR_M, -_FAR_M),
+        (_FAR_M, _FAR_M),
+        (-_FAR_M, _FAR_M),
+        (-_FAR_M, -_FAR_M),
+    ]
+    for nx, ny, offset in rows.tolist():
+        kept: list[Point] = []
+        for (ax, ay), (bx, by) in sides_of(corners):
+            a, b = offset - nx * ax - ny * ay, offset - nx * bx - ny * by
+            if a >= 0.0:
+                kept.append((ax, ay))
+            if a * b < 0.0:
+                kept.append((ax + a / (a - b) * (bx - ax), ay + a / (a - b) * (by - ay)))
+        corners = kept
+    is_thin = len(corners) < 3 or float(np.ptp(corners, axis=0).min()) < _ROUNDING_M
+    return [] if is_thin else corners
+
+
+def _loops(
+    pieces: Sequence[Sequence[Point]], resolution_m: float, spacing: float
+) -> NDArray[np.float64]:
+    """Return `Body.outline` of some pieces, at another spacing perhaps [cells]."""
+    loops, count = [], 0
+    for piece in pieces:
+        points = outline(np.array(piece) / resolution_m, spacing)
+        count += len(points)
+        loops.append(np.insert(points, 2, count, axis=1))
+    return np.concatenate(loops)
 
 
 @compiled
@@ -121,7 +197,7 @@ def gap(
         k += 1
         # Round this point nothing is nearer than that: the next ones in it need no look.
         if clear > APART + 2.0 * spacing:
-            k += int((clear - APART) / spacing) - 1
+            k = min(k + int((clear - APART) / spacing) - 1, int(outline[k - 1, 2]))
     return max(near, 0.0)
 
 
@@ -162,10 +238,12 @@ def gap_to_moving(
         mx = moving[i, 0] + time * moving[i, 2] - x
         my = moving[i, 1] + time * moving[i, 3] - y
         px, py = c * mx + s * my, c * my - s * mx
-        outside = -np.inf
+        nearest, outside, piece = np.inf, -np.inf, 0.0
         for k in range(len(sides)):
+            if sides[k, 3] != piece:
+                nearest, outside, piece = min(nearest, outside), -np.inf, sides[k, 3]
             outside = max(outside, sides[k, 0] * px + sides[k, 1] * py - sides[k, 2])
-        least = min(least, outside - moving[i, 4])
+        least = min(least, min(nearest, outside) - moving[i, 4])
     return least
 
 

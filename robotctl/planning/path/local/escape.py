@@ -47,17 +47,20 @@ def separation(
     Below 0 by how much they overlap; at most 2 cells. The axes are those of the separating axis
     theorem: the normals of the body's sides and of the cell's.
     """
-    least = 2.0
-    box = _box(body, c, s)
-    for row in range(int(np.floor(y + box[1])) - 2, int(np.floor(y + box[3])) + 3):
-        for column in range(int(np.floor(x + box[0])) - 2, int(np.floor(x + box[2])) + 3):
-            if _is_free(blocked, row, column):
-                continue
-            dx, dy = column - x, row - y
-            apart = max(dx - box[2], box[0] - dx - 1.0, dy - box[3], box[1] - dy - 1.0)
-            for k in range(len(body.sides)):
-                apart = max(apart, _beyond(body, k, dx, dy, c, s))
-            least = min(least, apart)
+    least, first, point = 2.0, 0, 0
+    while first < len(body.sides):
+        last = _end_of_piece(body, first)
+        box = _box(body, point, c, s)
+        for row in range(int(np.floor(y + box[1])) - 2, int(np.floor(y + box[3])) + 3):
+            for column in range(int(np.floor(x + box[0])) - 2, int(np.floor(x + box[2])) + 3):
+                if _is_free(blocked, row, column):
+                    continue
+                dx, dy = column - x, row - y
+                apart = max(dx - box[2], box[0] - dx - 1.0, dy - box[3], box[1] - dy - 1.0)
+                for k in range(first, last):
+                    apart = max(apart, _beyond(body, k, dx, dy, c, s))
+                least = min(least, apart)
+        first, point = last, int(body.outline[point, 2])
     return least
 
 
@@ -67,33 +70,50 @@ def intrusions(
 ) -> NDArray[np.float64]:
     """Return how deep cells reach in below each side of a body, (m,) [cells].
 
-    A cell counts for the side that it is least deep below. Negative: the nearest cell is so far
-    off; `-reach` where none is nearer.
+    A cell counts for the side of each piece that it is least deep below. Negative: the nearest cell
+    is so far off; `-reach` where none is nearer.
     """
     x, y = pose[0], pose[1]
     c, s = float(np.cos(pose[2])), float(np.sin(pose[2]))
     deepest = np.full(len(body.sides), -reach)
-    box = _box(body, c, s)
-    for row in range(int(np.floor(y + box[1])) - 2, int(np.floor(y + box[3])) + 3):
-        for column in range(int(np.floor(x + box[0])) - 2, int(np.floor(x + box[2])) + 3):
-            if _is_free(blocked, row, column):
-                continue
-            side, apart = 0, -np.inf
-            for k in range(len(body.sides)):
-                beyond = _beyond(body, k, column - x, row - y, c, s)
-                if beyond > apart:
-                    side, apart = k, beyond
-            deepest[side] = max(deepest[side], -apart)
+    first, point = 0, 0
+    while first < len(body.sides):
+        last = _end_of_piece(body, first)
+        box = _box(body, point, c, s)
+        for row in range(int(np.floor(y + box[1])) - 2, int(np.floor(y + box[3])) + 3):
+            for column in range(int(np.floor(x + box[0])) - 2, int(np.floor(x + box[2])) + 3):
+                if _is_free(blocked, row, column):
+                    continue
+                side, apart = first, -np.inf
+                for k in range(first, last):
+                    beyond = _beyond(body, k, column - x, row - y, c, s)
+                    if beyond > apart:
+                        side, apart = k, beyond
+                deepest[side] = max(deepest[side], -apart)
+        first, point = last, int(body.outline[point, 2])
     return deepest
 
 
 @compiled
 @borrows
-def _box(body: Body, c: float, s: float) -> tuple[float, float, float, float]:
-    """Return the box around a body that is turned: least x and y, most x and y."""
+def _end_of_piece(body: Body, first: int) -> int:
+    """Return the number of the side after those of a piece that begins with a side."""
+    last = first
+    while last < len(body.sides) and body.sides[last, 3] == body.sides[first, 3]:
+        last += 1
+    return last
+
+
+@compiled
+@borrows
+def _box(body: Body, first: int, c: float, s: float) -> tuple[float, float, float, float]:
+    """Return the box around a piece that is turned: least x and y, most x and y.
+
+    `first` is the first point of its outline.
+    """
     high_x = high_y = -np.inf
     low_x = low_y = np.inf
-    for k in range(len(body.outline)):
+    for k in range(first, int(body.outline[first, 2])):
         px, py = body.outline[k, 0], body.outline[k, 1]
         low_x, high_x = min(low_x, c * px - s * py), max(high_x, c * px - s * py)
         low_y, high_y = min(low_y, s * px + c * py), max(high_y, s * px + c * py)

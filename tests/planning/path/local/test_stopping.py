@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.limiter import LimitsConfig
@@ -37,16 +37,34 @@ ROBOTS = {
         AckermannDrive("ackermann", 0.35, 0.26, 0.05, 0.6, 2.0, 2400),
         Footprint(((0.43, -0.15), (0.43, 0.15), (-0.07, 0.15), (-0.07, -0.15))),
     ),
+    "with an arm": (
+        DifferentialDrive("differential", 0.37, 0.1, 2400),
+        Footprint(
+            ((0.25, -0.5), (0.25, 0.21), (-0.25, 0.21), (-0.25, -0.21), (0.15, -0.21), (0.15, -0.5))
+        ),
+    ),
+    "with jaws": (
+        MecanumDrive("mecanum", 0.4, 0.36, 0.076, 8192),
+        Footprint(
+            ((0.2, -0.21), (0.2, 0.21), (-0.25, 0.21), (-0.25, -0.21)),
+            tuple(((0.1, y), (0.4, y), (0.4, y + 0.08), (0.1, y + 0.08)) for y in (-0.21, 0.13)),
+        ),
+    ),
 }
 
 
 def touches(footprint, cells, poses):
     """Return whether a body overlaps a cell at one of the poses, by separating axes."""
+    return any(piece_touches(piece, cells, poses) for piece in footprint.pieces)
+
+
+def piece_touches(corners, cells, poses):
+    """Return the same of a convex piece of it."""
     x, y, angle = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]).T
     near = np.abs(cells + 0.5 * SIDE_M - (x[0], y[0])).max(axis=1) < 2.5
     cells = cells[near]
     c, s = np.cos(angle), np.sin(angle)
-    body = np.array(footprint.corners) @ np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
+    body = np.array(corners) @ np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
     body += np.stack([x, y], axis=1)[:, np.newaxis]
     apart = (body.max(axis=1)[:, np.newaxis] <= cells).any(axis=2)
     apart |= (body.min(axis=1)[:, np.newaxis] >= cells + SIDE_M).any(axis=2)
@@ -77,7 +95,11 @@ def braking(pose, twist):
 
 @pytest.mark.parametrize("kind", ROBOTS)
 @pytest.mark.parametrize("name", CONTROLLERS)
-@settings(max_examples=15, deadline=None)
+@settings(
+    max_examples=15,
+    deadline=None,
+    suppress_health_check=[HealthCheck.filter_too_much],  # long jaws seldom have room to start
+)
 @given(st.integers(0, 2**32 - 1))
 def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, seed):
     drive, body = ROBOTS[kind]
@@ -94,7 +116,8 @@ def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, see
     path = np.array([[2.0, 2.0, 0.0], *rng.uniform(-1.0, 5.0, (3, 3))])
     reverse = rng.random(3) < 0.3
     # A corner that is grazed between two of the poses is in the way, too.
-    roomy = Footprint(tuple((1.02 * x, 1.02 * y) for x, y in body.corners))
+    corners, *parts = (tuple((1.02 * x, 1.02 * y) for x, y in each) for each in body.outlines)
+    roomy = Footprint(corners, tuple(parts))
     assume(not touches(roomy, cells, braking(pose, twist)))
     controller = CONTROLLERS[name](CONFIG, drive, LIMITS, body)
     for i in range(20):

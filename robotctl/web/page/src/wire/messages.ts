@@ -561,7 +561,7 @@ export interface Hello {
   readonly holonomic: boolean;
   readonly has_lidar: boolean;
   readonly has_localiser: boolean;
-  readonly outline: readonly (readonly [number, number])[];
+  readonly outlines: readonly (readonly (readonly [number, number])[])[];
   readonly sonars: readonly SonarOutline[];
   readonly v_max_m_s: number;
   readonly omega_max_rad_s: number;

@@ -16,7 +16,7 @@ export const robot: Layer = {
     if (pose === null) return;
     const alpha = topics.ControlState.isStale(nowMs) ? OLD_ALPHA : 1;
     context.globalAlpha = alpha;
-    outline(scene, pose, hello.peek()?.outline ?? [], colours.robot);
+    outline(scene, pose, hello.peek()?.outlines ?? [], colours.robot);
     context.globalAlpha = FILL_ALPHA * alpha;
     context.fillStyle = colours.robot;
     context.fill();

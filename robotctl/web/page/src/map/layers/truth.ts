@@ -12,7 +12,7 @@ export const truth: Layer = {
     const { context, colours, pixel } = scene;
     drawNewest(topics.Truth, scene, (state) => {
       context.setLineDash([5 * pixel, 4 * pixel]);
-      outline(scene, state, hello.peek()?.outline ?? [], colours.truth);
+      outline(scene, state, hello.peek()?.outlines ?? [], colours.truth);
       context.setLineDash([]);
       dots(scene, state.people, colours.truth, 8);
     });
