@@ -114,9 +114,11 @@ class MovingObstacles:
         points = (sensor.x_m, sensor.y_m) + ranges[:, np.newaxis] * away
         spacing = abs(float(scan.angles_rad[1] - scan.angles_rad[0]))
         early = sum(now_ns - stamp_ns >= 1e9 * self._config.compare_s for stamp_ns in self._times)
+        used = hits if counts is None else hits & counts
+        first = _first_beam(scan.angles_rad, used, spacing)
         found = segments_of(
-            points,
-            hits if counts is None else hits & counts,
+            np.roll(points, -first, axis=0),
+            np.roll(used, -first),
             sensor.x_m,
             sensor.y_m,
             spacing,
@@ -156,6 +158,12 @@ class MovingObstacles:
             bearings, scan.ranges_m, scan.max_range_m
         )
         self._times.append(now_ns)
+
+
+def _first_beam(angles: NDArray[np.float64], counts: NDArray[np.bool_], spacing_rad: float) -> int:
+    """Return the beam to begin with so that no piece of a scan all round is cut in two."""
+    is_round = abs(float(angles[-1] - angles[0])) + 1.5 * spacing_rad >= math.tau
+    return int(np.argmin(counts)) if is_round else 0
 
 
 def is_moving(tracks: NDArray[np.float64], config: TracksConfig) -> NDArray[np.bool_]:

@@ -91,6 +91,18 @@ def test_a_person_who_crosses_is_found_within_half_a_second(speed, heading, robo
             assert 0.2 <= radius < 0.4
 
 
+@pytest.mark.parametrize("beside_m", [-0.05, 0.0, 0.12])
+def test_who_walks_where_a_scan_begins_and_ends_is_one_person(beside_m):
+    def person(time_s):
+        place = np.array([-5.5 + 0.9 * max(time_s - STARTS_S, 0.0), beside_m])
+        return [(*place, 0.22)], place, np.array([0.9, 0.0])
+
+    for time_s, moving, place, _ in walk(person, 5.0):
+        if time_s > STARTS_S + 1.0:
+            assert len(moving) == 1
+            assert math.dist(moving[0, :2], place) < 0.1
+
+
 @pytest.mark.parametrize("speed", [0.5, 1.0, 1.5])
 @pytest.mark.parametrize("heading", [0.5 * math.pi, 2.2])
 def test_two_legs_are_one_person(speed, heading):

@@ -188,7 +188,8 @@ class Journey(Behaviour):
         """Return the motion while it gives way, aside or at rest there; None: nobody comes."""
         gave_way = self._give_way.route is not None
         wanted = None if self._rung is not None else self._replanner.route
-        route = self._give_way.step(situation.pose, wanted, self._speed_m_s, now_ns)
+        track = self._progress.track
+        route = self._give_way.step(situation.pose, wanted, track, self._speed_m_s, now_ns)
         if route is None:
             if gave_way:
                 self._replanner.route = None
