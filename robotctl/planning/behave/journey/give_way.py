@@ -33,7 +33,7 @@ _THERE_M: Final = 0.1
 """Length of the path aside that need not be driven [m]."""
 _SPARE_S: Final = 0.5
 """Time between the robot leaving a lane and the person coming there [s]."""
-_BLOCKED_NS: Final = 1_000_000_000
+_BLOCKED_NS: Final = 2_000_000_000
 _STANDS_M: Final = 0.03
 """A robot that for so long [ns] comes no farther than this [m], nor turns, looks for another
 place."""
@@ -49,6 +49,8 @@ _BESIDE_RAD: Final = 0.35
 """Angle between a path and a track's direction within which that person walks along it."""
 _OLD: Final = 0.8
 """Share at which an older measurement of where a person walks beside a line still counts."""
+_UNSURE_M: Final = 0.05
+"""Error of where a person walks [m]: less is no reason to leave a place."""
 _CHORD_M: Final = 1.0
 """Distance to both sides over which the direction of a path is taken [m]."""
 _KEPT: Final = 3
@@ -162,7 +164,7 @@ class GiveWay:
     def _reaches_to(self, lane: Lane, pose: SE2) -> bool:
         """Return whether a person will touch a robot that waits where it means to."""
         there = pose if self._stays or self.route is None else SE2(*self.route.rest[-1].tolist())
-        return self._gap_m(lane, there) < 0.0
+        return self._gap_m(lane, there) < -_UNSURE_M
 
     def _gap_m(self, lane: Lane, pose: SE2) -> float:
         """Return how far a pose is off a lane [m]."""
@@ -207,19 +209,25 @@ class GiveWay:
                 return
 
     def _has_room(self, lane: Lane, place: SE2) -> bool:
-        """Return whether the robot fits between a lane and what stands there."""
-        poses = np.array(
-            [
-                (beside.x_m, beside.y_m, beside.theta_rad)
-                for beside in (place @ SE2(0.0, float(each_m), 0.0) for each_m in _BESIDE_M)
-            ]
+        """Return whether the robot fits with its margin between a lane and what stands there."""
+        margin_m = self._tools.config.margin_m
+        beside, out = (
+            np.array(
+                [
+                    (there.x_m, there.y_m, there.theta_rad)
+                    for there in (place @ SE2(0.0, float(each_m), 0.0) for each_m in offs_m)
+                ]
+            )
+            for offs_m in (_BESIDE_M, _BESIDE_M + margin_m * np.sign(_BESIDE_M))
         )
-        clear = lane.gaps_m(self._corners, poses, 0.0) >= self._config.pass_m
-        return bool(clear.any()) and not self._tools.world.map.collides(poses[clear]).all()
+        clear = lane.gaps_m(self._corners, beside, 0.0) >= self._config.pass_m
+        return bool(clear.any()) and not self._tools.world.map.collides(out[clear]).all()
 
     def _plan(self, pose: SE2, goal: Goal) -> Plan | None:
         """Return a path there; in reverse if that needs no turn on the spot."""
         paths = self._tools.paths
+        if goal.heading_rad is not None:
+            return self._places.step_to(pose, goal.seen_from(pose))
         if paths.steered:
             return self._plan_steered(pose, goal)
         kept, to = paths.reverse, goal.seen_from(pose)
@@ -235,9 +243,7 @@ class GiveWay:
         """Return a path without turning round, backwards on the robot's own track if it can."""
         back = _back_to(goal, pose, self._track, 2.0 * self._tools.paths.turning_radius_m)
         begin = pose if back is None else SE2(*back.poses[-1].tolist())
-        if goal.heading_rad is None:
-            goal = goal._replace(heading_rad=begin.theta_rad)
-        plan = self._tools.paths.plan(begin, goal)
+        plan = self._tools.paths.plan(begin, goal._replace(heading_rad=begin.theta_rad))
         if isinstance(plan, PlanFailure):
             return None
         return plan if back is None else joined([back, plan])

@@ -12,21 +12,29 @@ from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behave.journey.sidestep import sidestep
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.map.lane import Lane
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.frontiers import connected
 from robotctl.planning.path.global_planning.goal import Goal
-from robotctl.planning.path.global_planning.plan import Point
+from robotctl.planning.path.global_planning.plan import Plan, Point
 
 TURN_RAD_S: Final = 1.0
 """Rate of a turn on the spot, in what a path takes [rad/s]."""
 _FARTHEST_M: Final = 8.0
 """Maximum distance of a place aside [m]."""
-_APART_M: Final = 1.0
-"""Distance between the places that are tried [m]."""
-_PLACES: Final = 2
-"""Maximum number of places of a kind that are tried in one search."""
+_SEARCHED: Final = (2, 1.0)
+_STEPPED: Final = (8, 0.4)
+"""Maximum number of places that are tried in one search, and distance between them [m]: of those to
+which a path is searched, and at walls."""
+_GENTLENESS: Final = (2.2, 1.7, 1.3)
+"""Ways of a step aside, as multiples of what the robot's circle allows: with the first of them its
+nose hardly swings."""
+_LEAST_M: Final = 0.3
+"""Least way of a step aside [m]."""
+_STEEP: Final = 3.0
+"""Time that a metre less than that counts as, in times of driving it."""
 _LATE: Final = 0.5
 """Share at which the time counts until the person is at a place aside."""
 _ALONG_M: Final = np.arange(-_FARTHEST_M, _FARTHEST_M, 0.25)
@@ -91,9 +99,20 @@ class PlacesAside:
         wide = connected(space, space.clearance >= space.inscribed, (pose.x_m, pose.y_m))
         open_ = self._open(space, wide, met, lanes, pose, speed_m_s)
         walls = self._at_walls(space, wide, met, lanes, pose, speed_m_s)
-        goals = [(cost_s, Goal(x_m, y_m)) for cost_s, x_m, y_m, _ in _best(open_, failed)]
-        goals += [(cost_s, Goal(*pose)) for cost_s, *pose in _best(walls, failed)]
+        searched, stepped = _best(open_, failed, *_SEARCHED), _best(walls, failed, *_STEPPED)
+        goals = [(cost_s, Goal(x_m, y_m)) for cost_s, x_m, y_m, _ in searched]
+        goals += [(cost_s, Goal(*pose)) for cost_s, *pose in stepped]
         return [goal for _, goal in sorted(goals, key=lambda each: each[0])]
+
+    def step_to(self, pose: SE2, there: SE2) -> Plan | None:
+        """Return the most gentle path to a place at a wall that is free; None: there is none."""
+        aside_m = abs((there.inverse() @ pose).y_m)
+        for gentle in _GENTLENESS:
+            length_m = max(gentle * math.sqrt(6.0 * self._radius_m * aside_m), _LEAST_M)
+            plan = sidestep(pose, there, self._radius_m, length_m)
+            if plan is not None and not self._tools.world.touches(plan.poses):
+                return plan
+        return None
 
     def _open(
         self,
@@ -140,8 +159,10 @@ class PlacesAside:
         here = np.array([pose.x_m, pose.y_m])
         along_m, beside_m = (each.ravel() for each in np.meshgrid(_ALONG_M, _BESIDE_M))
         aside_m = np.abs(beside_m - met.beside_m(here))
-        bends = np.abs(along_m) >= self._shift_m(aside_m) + self._footprint.reach_m
+        least_m = np.sqrt(6.0 * self._radius_m * aside_m)
+        bends = np.abs(along_m) >= _GENTLENESS[-1] * least_m
         along_m, beside_m = along_m[bends], beside_m[bends]
+        steep_m = np.maximum(_GENTLENESS[0] * least_m[bends] - np.abs(along_m), 0.0)
         places = np.outer(met.ahead_m(here) + along_m, ahead) + np.outer(beside_m, left)
         places += (met.x_m, met.y_m)
         heading_rad = met.heading_rad
@@ -156,7 +177,8 @@ class PlacesAside:
             gaps_m = np.minimum(gaps_m, lane.gaps_m(self._corners, poses, 0.0))
             keep &= (away_m / speed_m_s < near_m / lane.speed_m_s) | np.isinf(gaps_m)
         keep &= gaps_m >= SQUEEZE_M
-        poses, gaps_m, away_m = poses[keep], gaps_m[keep], away_m[keep]
+        poses, gaps_m = poses[keep], gaps_m[keep]
+        away_m = away_m[keep] + _STEEP * steep_m[keep]
         free = self._is_free(space, wide, poses, left)
         ahead_m, short_m = met.ahead_m(poses[:, :2]), self._config.pass_m - gaps_m
         strays_m = self._config.strays * np.maximum(ahead_m, 0.0)
@@ -190,14 +212,16 @@ class PlacesAside:
         return free
 
 
-def _best(places: _Places, failed: Sequence[Point]) -> list[tuple[float, float, float, float]]:
+def _best(
+    places: _Places, failed: Sequence[Point], most: int, apart_m: float
+) -> list[tuple[float, float, float, float]]:
     """Return cost and pose of the best, apart from each other and from those that failed."""
     found: list[tuple[float, float, float, float]] = []
     for index in np.argsort(places.costs_s, kind="stable").tolist():
         x_m, y_m, heading_rad = places.poses[index].tolist()
         others = [*failed, *(each[1:3] for each in found)]
-        if all(math.dist((x_m, y_m), other) >= _APART_M for other in others):
+        if all(math.dist((x_m, y_m), other) >= apart_m for other in others):
             found.append((float(places.costs_s[index]), x_m, y_m, heading_rad))
-            if len(found) == _PLACES:
+            if len(found) == most:
                 break
     return found
