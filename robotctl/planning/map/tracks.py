@@ -41,10 +41,11 @@ _SURE_M_S: Final = 0.13
 _LEAST_S: Final = 0.01
 """Least time between two scans that a rate is taken from [s]."""
 _STRAIGHT_RAD_S: Final = 0.3
-"""Turning rate below which somebody goes straight on: noise [rad/s]."""
+"""Turning rate up to which a track counts as straight [rad/s]."""
 _AHEAD_S: Final = 1.0
-"""Time of turning on at that rate by which somebody is expected to have turned, in the mean of the
-next second and a half [s]; this also makes up for the filter, which lags in turns."""
+"""Expected turn per turning rate beyond that, in the mean of the next second and a half [s].
+
+It makes up for the filter, too, which lags in turns."""
 _MOST: Final = 100
 """Maximum number of tracks: room of the kernel's table, more than a scan has people."""
 

@@ -54,7 +54,7 @@ _UNSURE_M: Final = 0.05
 _CHORD_M: Final = 1.0
 """Distance to both sides over which the direction of a path is taken [m]."""
 _KEPT: Final = 3
-"""Of the poses of its track the robot drives back through each of so many: they are noisy."""
+"""Step between the poses of its track that the robot drives back through: they are noisy."""
 _BESIDE_M: Final = np.arange(-1.0, 1.01, 0.1)
 """Distances from the path at which the robot could pass a person [m]."""
 
