@@ -39,6 +39,9 @@ _STANDS_M: Final = 0.03
 place."""
 _SLOWER: Final = 1.15
 """Time that a path takes, as a multiple of what it would at the speed that is wanted."""
+_SLOW: Final = 0.8
+_SLANTS_RAD: Final = 0.15
+"""Share of its creeping speed that a robot steps aside with where it slants by more than that."""
 _GEAR_S: Final = 1.0
 """Time of a change of gear [s]."""
 _SAME_M: Final = 1.0
@@ -202,7 +205,8 @@ class GiveWay:
         lanes = [met if each is lane else each for each in lanes]
         for goal in self._places.find(met, lanes, pose, speed_m_s, self._failed):
             plan = self._plan(pose, goal)
-            if plan is not None and self._is_in_time(plan, pose, lanes, speed_m_s):
+            steps = goal.heading_rad is not None
+            if plan is not None and self._is_in_time(plan, pose, lanes, speed_m_s, steps=steps):
                 self.route = Route(plan, leads_there=False)
                 self._lane, self._moved = met, pose
                 self._seen_ns = self._since_ns = self._moved_ns = now_ns
@@ -248,11 +252,19 @@ class GiveWay:
             return None
         return plan if back is None else joined([back, plan])
 
-    def _is_in_time(self, plan: Plan, pose: SE2, lanes: list[Lane], speed_m_s: float) -> bool:
-        """Return whether the robot has left each place of a path before a person is there."""
+    def _is_in_time(
+        self, plan: Plan, pose: SE2, lanes: list[Lane], speed_m_s: float, *, steps: bool
+    ) -> bool:
+        """Return whether the robot has left each place of a path before a person is there.
+
+        Where it slants on a path that `steps` aside, a wall is near, and it is slow.
+        """
         places = Route(plan).rest
         ways_m = np.hypot(*np.diff(places[:, :2], axis=0).T)
-        times_s = np.concatenate([[0.0], np.cumsum(ways_m)]) * _SLOWER / speed_m_s + _SPARE_S
+        slow_m_s = min(speed_m_s, _SLOW * self._tools.config.creep_m_s)
+        slants = np.abs(np.sin(places[1:, 2] - places[-1, 2])) > _SLANTS_RAD
+        speeds = np.where(slants & steps, slow_m_s, speed_m_s)
+        times_s = np.concatenate([[0.0], np.cumsum(ways_m / speeds)]) * _SLOWER + _SPARE_S
         times_s += _GEAR_S * (np.count_nonzero(np.diff(plan.reverse)) + plan.reverse[0])
         if not self._tools.paths.steered:
             times_s += abs(wrap_angle(float(places[0, 2]) - pose.theta_rad)) / TURN_RAD_S
