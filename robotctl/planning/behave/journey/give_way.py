@@ -265,7 +265,7 @@ class GiveWay:
         slants = np.abs(np.sin(places[1:, 2] - places[-1, 2])) > _SLANTS_RAD
         speeds = np.where(slants & steps, slow_m_s, speed_m_s)
         times_s = np.concatenate([[0.0], np.cumsum(ways_m / speeds)]) * _SLOWER + _SPARE_S
-        times_s += _GEAR_S * (np.count_nonzero(np.diff(plan.reverse)) + plan.reverse[0])
+        times_s += _GEAR_S * np.count_nonzero(np.diff(plan.reverse, prepend=False))
         if not self._tools.paths.steered:
             times_s += abs(wrap_angle(float(places[0, 2]) - pose.theta_rad)) / TURN_RAD_S
         for lane in lanes:
