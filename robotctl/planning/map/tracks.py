@@ -42,10 +42,6 @@ _LEAST_S: Final = 0.01
 """Least time between two scans that a rate is taken from [s]."""
 _STRAIGHT_RAD_S: Final = 0.3
 """Turning rate up to which a track counts as straight [rad/s]."""
-_AHEAD_S: Final = 1.0
-"""Expected turn per turning rate beyond that, in the mean of the next second and a half [s].
-
-It makes up for the filter, too, which lags in turns."""
 _MOST: Final = 100
 """Maximum number of tracks: room of the kernel's table, more than a scan has people."""
 
@@ -148,11 +144,11 @@ class MovingObstacles:
     def moving(self, T_world_odom: SE2) -> NDArray[np.float64]:
         """Return what moves, (k, 5): x, y, vx, vy in `world` and its radius [m, m/s].
 
-        The velocity of who turns is that expected in the mean of the next second or so.
+        The velocity of who turns may be that expected in the mean of the next second or so.
         """
         tracks = self._tracks[is_moving(self._tracks, self._config)]
         places = moved(T_world_odom, tracks[:, [X, Y]])
-        speeds = expected_velocities(tracks) @ rotation(T_world_odom.theta_rad)
+        speeds = expected_velocities(tracks, self._config.turn_s) @ rotation(T_world_odom.theta_rad)
         radii = np.maximum(tracks[:, SIZE], self._config.radius_min_m)
         return np.column_stack([places, speeds, radii])
 
@@ -194,10 +190,10 @@ def is_moving(tracks: NDArray[np.float64], config: TracksConfig) -> NDArray[np.b
     return moves
 
 
-def expected_velocities(tracks: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the velocities of tracks (k, 12), turned as they turn, (k, 2) [m/s]."""
+def expected_velocities(tracks: NDArray[np.float64], turn_s: float) -> NDArray[np.float64]:
+    """Return the velocities of tracks (k, 12), turned on for a time [s], (k, 2) [m/s]."""
     rates = tracks[:, TURN]
-    turns = _AHEAD_S * np.sign(rates) * np.maximum(np.abs(rates) - _STRAIGHT_RAD_S, 0.0)
+    turns = turn_s * np.sign(rates) * np.maximum(np.abs(rates) - _STRAIGHT_RAD_S, 0.0)
     cos, sin = np.cos(turns), np.sin(turns)
     vx, vy = tracks[:, VX], tracks[:, VY]
     return np.column_stack([cos * vx - sin * vy, sin * vx + cos * vy])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.map.config import TracksConfig
 from robotctl.planning.map.tracks import MovingObstacles
 from tests.planning.map.rays import box, scan
 
@@ -141,7 +142,8 @@ def predicted_off_m(rate_rad_s, seed):
         return [(*place, 0.22)], place, np.zeros(2)
 
     off_m = []
-    for time_s, moving, _, _ in walk(person, 5.5, seed=seed):
+    obstacles = MovingObstacles(TracksConfig(turn_s=1.0))
+    for time_s, moving, _, _ in walk(person, 5.5, obstacles=obstacles, seed=seed):
         if time_s > STARTS_S + 1.5:
             ((x, y, vx, vy, _),) = moving
             off_m.append(math.dist((x + vx, y + vy), place_at(time_s + 1.0)))
