@@ -40,8 +40,9 @@ place."""
 _SLOWER: Final = 1.15
 """Time that a path takes, as a multiple of what it would at the speed that is wanted."""
 _SLOW: Final = 0.8
-_SLANTS_RAD: Final = 0.15
-"""Share of its creeping speed that a robot steps aside with where it slants by more than that."""
+_SLANTS: Final = (0.1, 0.45)
+"""Share of its creeping speed that a robot steps aside with where it slants most, and slants from
+and up to which it gets slower [sin]."""
 _GEAR_S: Final = 1.0
 """Time of a change of gear [s]."""
 _SAME_M: Final = 1.0
@@ -262,8 +263,8 @@ class GiveWay:
         places = Route(plan).rest
         ways_m = np.hypot(*np.diff(places[:, :2], axis=0).T)
         slow_m_s = min(speed_m_s, _SLOW * self._tools.config.creep_m_s)
-        slants = np.abs(np.sin(places[1:, 2] - places[-1, 2])) > _SLANTS_RAD
-        speeds = np.where(slants & steps, slow_m_s, speed_m_s)
+        slants = steps * np.abs(np.sin(places[1:, 2] - places[-1, 2]))
+        speeds = np.interp(slants, _SLANTS, (speed_m_s, slow_m_s))
         times_s = np.concatenate([[0.0], np.cumsum(ways_m / speeds)]) * _SLOWER + _SPARE_S
         times_s += _GEAR_S * np.count_nonzero(np.diff(plan.reverse, prepend=False))
         if not self._tools.paths.steered:
