@@ -51,6 +51,8 @@ _PASSED_M: Final = 0.5
 """Distance behind a person from which on the robot drives on [m]."""
 _BESIDE_RAD: Final = 0.35
 """Angle between a path and a track's direction within which that person walks along it."""
+_ASTRAY_NS: Final = 500_000_000
+"""Time for which a person walks elsewhere than along the line before that counts [ns]."""
 _OLD: Final = 0.8
 """Share at which an older measurement of where a person walks beside a line still counts."""
 _UNSURE_M: Final = 0.05
@@ -93,7 +95,7 @@ class GiveWay:
         self.route: Route | None = None
         """The path aside; None: it need not leave its own."""
         self._lane: Lane | None = None
-        self._seen_ns = self._since_ns = self._moved_ns = 0
+        self._seen_ns = self._since_ns = self._moved_ns = self._straight_ns = 0
         self._moved = SE2()
         self._expected = 0
         self._stays = False
@@ -149,13 +151,17 @@ class GiveWay:
         expected = lane.after((now_ns - self._seen_ns) * 1e-9)
         seen = min(lanes, key=lambda each: _apart_m(each, expected), default=expected)
         if seen is not expected and _apart_m(seen, expected) < _SAME_M:
-            seen = seen.straightened(lane.heading_rad, _BESIDE_RAD)
-            seen = seen.aside(_OLD * float(expected.beside_m(np.array(seen[:2]))))
-            self._lane, self._seen_ns, expected = seen, now_ns, seen
-            if seen.ahead_x * lane.ahead_x + seen.ahead_y * lane.ahead_y < _ALONG:
+            along = seen.ahead_x * lane.ahead_x + seen.ahead_y * lane.ahead_y
+            if along > math.cos(_BESIDE_RAD):
+                self._straight_ns = now_ns
+            elif now_ns - self._straight_ns > _ASTRAY_NS:
                 self.end()  # goes somewhere else
                 return
-            if self.route is not None and self._reaches_to(seen, pose):
+            if along > 0.0:
+                seen = seen.straightened(lane.heading_rad, 0.5 * math.pi)
+                seen = seen.aside(_OLD * float(expected.beside_m(np.array(seen[:2]))))
+                self._lane, self._seen_ns, expected = seen, now_ns, seen
+            if self.route is not None and self._reaches_to(expected, pose):
                 self._give_up()
                 return
         here = np.array([pose.x_m, pose.y_m])
@@ -210,7 +216,7 @@ class GiveWay:
             if plan is not None and self._is_in_time(plan, pose, lanes, speed_m_s, steps=steps):
                 self.route = Route(plan, leads_there=False)
                 self._lane, self._moved = met, pose
-                self._seen_ns = self._since_ns = self._moved_ns = now_ns
+                self._seen_ns = self._since_ns = self._moved_ns = self._straight_ns = now_ns
                 return
 
     def _has_room(self, lane: Lane, place: SE2) -> bool:
