@@ -151,25 +151,31 @@ class GiveWay:
         expected = lane.after((now_ns - self._seen_ns) * 1e-9)
         seen = min(lanes, key=lambda each: _apart_m(each, expected), default=expected)
         if seen is not expected and _apart_m(seen, expected) < _SAME_M:
-            along = seen.ahead_x * lane.ahead_x + seen.ahead_y * lane.ahead_y
-            if along > math.cos(_BESIDE_RAD):
-                self._straight_ns = now_ns
-            elif now_ns - self._straight_ns > _ASTRAY_NS:
-                self.end()  # goes somewhere else
+            self._take(seen, lane, expected, pose, now_ns)
+            if self._lane is None:
                 return
-            if along > 0.0:
-                seen = seen.straightened(lane.heading_rad, 0.5 * math.pi)
-                seen = seen.aside(_OLD * float(expected.beside_m(np.array(seen[:2]))))
-                self._lane, self._seen_ns, expected = seen, now_ns, seen
-            if self.route is not None and self._reaches_to(expected, pose):
-                self._give_up()
-                return
+            expected = self._lane.after((now_ns - self._seen_ns) * 1e-9)
         here = np.array([pose.x_m, pose.y_m])
         if float(expected.ahead_m(here)) < -self._footprint.reach_m - _PASSED_M:
             self.end()
         elif now_ns - self._since_ns > round(1e9 * self._config.give_way_s):
             self._not_before_ns = now_ns + round(1e9 * self._config.give_way_s)
             self.end()
+
+    def _take(self, seen: Lane, lane: Lane, expected: Lane, pose: SE2, now_ns: int) -> None:
+        """Take where the person is seen; forget one who walks elsewhere, or to the place aside."""
+        along = seen.ahead_x * lane.ahead_x + seen.ahead_y * lane.ahead_y
+        if along > math.cos(_BESIDE_RAD):
+            self._straight_ns = now_ns
+        elif now_ns - self._straight_ns > _ASTRAY_NS:
+            self.end()
+            return
+        if along > 0.0:
+            seen = seen.straightened(lane.heading_rad, 0.5 * math.pi)
+            expected = seen.aside(_OLD * float(expected.beside_m(np.array(seen[:2]))))
+            self._lane, self._seen_ns = expected, now_ns
+        if self._reaches_to(expected, pose):
+            self._give_up()
 
     def _reaches_to(self, lane: Lane, pose: SE2) -> bool:
         """Return whether a person will touch a robot that waits where it means to."""
