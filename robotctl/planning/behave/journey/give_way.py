@@ -282,7 +282,7 @@ class GiveWay:
         if not self._tools.paths.steered:
             times_s += abs(wrap_angle(float(places[0, 2]) - pose.theta_rad)) / TURN_RAD_S
         for lane in lanes:
-            inside = lane.gaps_m(self._corners, places, 0.0) < 0.0
+            inside = lane.gaps_m(self._corners, places, 0.0) < steps * _UNSURE_M
             room_m = lane.ahead_m(places[:, :2]) - self._footprint.reach_m - lane.radius_m
             if (inside & (times_s * lane.speed_m_s > room_m)).any():
                 return False

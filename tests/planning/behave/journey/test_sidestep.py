@@ -40,7 +40,7 @@ def test_it_leads_from_one_pose_to_the_other_in_one_gear(
     driven = np.arctan2(steps[:, 1], steps[:, 0]) + math.pi * reverse
     middle = 0.5 * (plan.poses[1:, 2] + plan.poses[:-1, 2])
     off = np.angle(np.exp(1j * (driven - middle)))
-    assert np.abs(off).max() < 0.01  # wheels do not slide aside
+    assert (np.abs(off) <= 0.5 * ways_m / RADIUS_M).all()  # as a chord may: wheels do not slide
 
 
 @pytest.mark.parametrize(
