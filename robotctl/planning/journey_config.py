@@ -69,6 +69,10 @@ class PeopleConfig:
     strays
         How far people stray to a side, per metre that they walk, 0 to 1: larger, it goes farther
         out of their way.
+    group_m
+        Distance between two people who walk alike up to which they walk together [m], 0 to 5:
+        larger, the robot goes round couples that are farther apart, not through between them; 0: it
+        takes everybody alone.
     hidden_m_s
         Assumed speed of a person who comes along the robot's path from where its lidar does not
         look [m/s], 0 to 3: larger, it is slower before corners, and behind people, who hide the
@@ -84,6 +88,7 @@ class PeopleConfig:
     ahead_s: float = 10.0
     pass_m: float = 0.1
     strays: float = 0.1
+    group_m: float = 0.0
     hidden_m_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -93,6 +98,7 @@ class PeopleConfig:
             ahead_s=(0.5, 60.0),
             pass_m=(0.0, 2.0),
             strays=(0.0, 1.0),
+            group_m=(0.0, 5.0),
             hidden_m_s=(0.0, 3.0),
         )
 

@@ -57,6 +57,10 @@ class TracksConfig:
         Time for which such a proof lasts [s], 0.1 to 60.
     lost_s
         Time without a segment after which a track ends [s], 0.05 to 60.
+    turn_s
+        Time for which who turns is expected to turn on, 0 to 3 [s], such as 1, which makes up for
+        the lag of the tracks, too: larger, more of a turn is foreseen; 0: everybody goes straight
+        on.
 
     Raises
     ------
@@ -82,6 +86,7 @@ class TracksConfig:
     proofs: int = 2
     proven_s: float = 1.0
     lost_s: float = 0.5
+    turn_s: float = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(
@@ -104,6 +109,7 @@ class TracksConfig:
             proofs=(1, 20),
             proven_s=(0.1, 60.0),
             lost_s=(0.05, 60.0),
+            turn_s=(0.0, 3.0),
         )
 
 

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.geometry.angles import wrap_angle
+
 
 class Lane(NamedTuple):
     """Strip of floor from the place of a moving thing on, in its direction and as wide as it is.
@@ -31,10 +33,30 @@ class Lane(NamedTuple):
         speed_m_s = math.hypot(vx_m_s, vy_m_s)
         return cls(x_m, y_m, vx_m_s / speed_m_s, vy_m_s / speed_m_s, speed_m_s, radius_m)
 
+    @property
+    def heading_rad(self) -> float:
+        """Direction in `world` [rad]."""
+        return math.atan2(self.ahead_y, self.ahead_x)
+
+    def straightened(self, along_rad: float, within_rad: float) -> Lane:
+        """Return the lane along a line, in either direction, if it hardly differs from that."""
+        off_rad = wrap_angle(along_rad - self.heading_rad)
+        if abs(off_rad) > 0.5 * math.pi:
+            along_rad += math.pi
+            off_rad = wrap_angle(off_rad + math.pi)
+        if abs(off_rad) > within_rad:
+            return self
+        return self._replace(ahead_x=math.cos(along_rad), ahead_y=math.sin(along_rad))
+
     def after(self, time_s: float) -> Lane:
         """Return the lane from where its user is after some time on it [s]."""
         way_m = self.speed_m_s * time_s
         x_m, y_m = self.x_m + way_m * self.ahead_x, self.y_m + way_m * self.ahead_y
+        return self._replace(x_m=x_m, y_m=y_m)
+
+    def aside(self, way_m: float) -> Lane:
+        """Return the lane beside this one, so far to the right [m]."""
+        x_m, y_m = self.x_m + way_m * self.ahead_y, self.y_m - way_m * self.ahead_x
         return self._replace(x_m=x_m, y_m=y_m)
 
     def ahead_m(self, places: NDArray[np.float64]) -> NDArray[np.float64]:

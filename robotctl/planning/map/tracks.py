@@ -34,13 +34,22 @@ _HISTORY_S: Final = 1.1
 _APART_S: Final = 0.08
 _MOST_SCANS: Final = 16
 """Longest history and least spacing of the scans that are kept [s], and room for so many."""
+_TURN_S: Final = 0.8
+"""Time over which a turning rate is averaged [s]."""
+_SURE_M_S: Final = 0.13
+"""Standard deviation of a velocity above which its changes say nothing of turns [m/s]."""
+_LEAST_S: Final = 0.01
+"""Least time between two scans that a rate is taken from [s]."""
+_STRAIGHT_RAD_S: Final = 0.3
+"""Turning rate up to which a track counts as straight [rad/s]."""
 _MOST: Final = 100
 """Maximum number of tracks: room of the kernel's table, more than a scan has people."""
 
-VX, VY, PP, PV, VV, SEEN_S, PROVEN_S, PROOFS, SIZE = range(2, 11)
+VX, VY, PP, PV, VV, SEEN_S, PROVEN_S, PROOFS, SIZE, TURN = range(2, 12)
 """Columns of tracks after `X` and `Y`: velocity, covariance of place, of place and velocity, of
-velocity along either axis; times when it was seen and proven to move, in how many scans, radius."""
-_COLUMNS: Final = 11
+velocity along either axis; times when it was seen and proven to move, in how many scans, radius,
+turning rate."""
+_COLUMNS: Final = 12
 """Number of all these columns."""
 
 
@@ -114,9 +123,11 @@ class MovingObstacles:
         points = (sensor.x_m, sensor.y_m) + ranges[:, np.newaxis] * away
         spacing = abs(float(scan.angles_rad[1] - scan.angles_rad[0]))
         early = sum(now_ns - stamp_ns >= 1e9 * self._config.compare_s for stamp_ns in self._times)
+        used = hits if counts is None else hits & counts
+        first = _first_beam(scan.angles_rad, used, spacing)
         found = segments_of(
-            points,
-            hits if counts is None else hits & counts,
+            np.roll(points, -first, axis=0),
+            np.roll(used, -first),
             sensor.x_m,
             sensor.y_m,
             spacing,
@@ -131,10 +142,13 @@ class MovingObstacles:
         self._keep(sensor, bearings, scan, now_ns)
 
     def moving(self, T_world_odom: SE2) -> NDArray[np.float64]:
-        """Return what moves, (k, 5): x, y, vx, vy in `world` and its radius [m, m/s]."""
+        """Return what moves, (k, 5): x, y, vx, vy in `world` and its radius [m, m/s].
+
+        The velocity of who turns may be that expected in the mean of the next second or so.
+        """
         tracks = self._tracks[is_moving(self._tracks, self._config)]
         places = moved(T_world_odom, tracks[:, [X, Y]])
-        speeds = tracks[:, [VX, VY]] @ rotation(T_world_odom.theta_rad)
+        speeds = expected_velocities(tracks, self._config.turn_s) @ rotation(T_world_odom.theta_rad)
         radii = np.maximum(tracks[:, SIZE], self._config.radius_min_m)
         return np.column_stack([places, speeds, radii])
 
@@ -158,6 +172,12 @@ class MovingObstacles:
         self._times.append(now_ns)
 
 
+def _first_beam(angles: NDArray[np.float64], counts: NDArray[np.bool_], spacing_rad: float) -> int:
+    """Return the beam to begin with so that no piece of a scan all round is cut in two."""
+    is_round = abs(float(angles[-1] - angles[0])) + 1.5 * spacing_rad >= math.tau
+    return int(np.argmin(counts)) if is_round else 0
+
+
 def is_moving(tracks: NDArray[np.float64], config: TracksConfig) -> NDArray[np.bool_]:
     """Return which tracks move, (k,)."""
     speed = np.hypot(tracks[:, VX], tracks[:, VY])
@@ -168,6 +188,15 @@ def is_moving(tracks: NDArray[np.float64], config: TracksConfig) -> NDArray[np.b
         & (tracks[:, VV] < config.vague_m_s**2)
     )
     return moves
+
+
+def expected_velocities(tracks: NDArray[np.float64], turn_s: float) -> NDArray[np.float64]:
+    """Return the velocities of tracks (k, 12), turned on for a time [s], (k, 2) [m/s]."""
+    rates = tracks[:, TURN]
+    turns = turn_s * np.sign(rates) * np.maximum(np.abs(rates) - _STRAIGHT_RAD_S, 0.0)
+    cos, sin = np.cos(turns), np.sin(turns)
+    vx, vy = tracks[:, VX], tracks[:, VY]
+    return np.column_stack([cos * vx - sin * vy, sin * vx + cos * vy])
 
 
 @compiled
@@ -248,7 +277,7 @@ def _correct(
     dx, dy = segment[X] - track[X], segment[Y] - track[Y]
     R = segment[SIGMA] ** 2
     if dx * dx + dy * dy > rules.surprise_sigmas**2 * (track[PP] + R):
-        track[PROOFS] = 0.0  # or it is two things, taken for one
+        track[PROOFS] = track[TURN] = 0.0  # or it is two things, taken for one
         track[VV] += rules.speed_sigma_m_s**2
         track[PV] += since_s * rules.speed_sigma_m_s**2
         track[PP] += since_s**2 * rules.speed_sigma_m_s**2
@@ -256,8 +285,14 @@ def _correct(
     gain_p, gain_v = track[PP] / S, track[PV] / S
     track[X] += gain_p * dx
     track[Y] += gain_p * dy
-    track[VX] += gain_v * dx
-    track[VY] += gain_v * dy
+    vx, vy = track[VX] + gain_v * dx, track[VY] + gain_v * dy
+    turn = math.atan2(track[VX] * vy - track[VY] * vx, track[VX] * vx + track[VY] * vy)
+    share = 1.0 - math.exp(-since_s / _TURN_S)
+    if track[PROOFS] > 0.0 and track[VV] < _SURE_M_S**2:
+        track[TURN] += share * (turn / max(since_s, _LEAST_S) - track[TURN])
+    else:
+        track[TURN] = 0.0
+    track[VX], track[VY] = vx, vy
     track[VV] -= gain_v * track[PV]
     track[PV] *= 1.0 - gain_p
     track[PP] *= 1.0 - gain_p

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.map.config import TracksConfig
 from robotctl.planning.map.tracks import MovingObstacles
 from tests.planning.map.rays import box, scan
 
@@ -91,6 +92,18 @@ def test_a_person_who_crosses_is_found_within_half_a_second(speed, heading, robo
             assert 0.2 <= radius < 0.4
 
 
+@pytest.mark.parametrize("beside_m", [-0.05, 0.0, 0.12])
+def test_who_walks_where_a_scan_begins_and_ends_is_one_person(beside_m):
+    def person(time_s):
+        place = np.array([-5.5 + 0.9 * max(time_s - STARTS_S, 0.0), beside_m])
+        return [(*place, 0.22)], place, np.array([0.9, 0.0])
+
+    for time_s, moving, place, _ in walk(person, 5.0):
+        if time_s > STARTS_S + 1.0:
+            assert len(moving) == 1
+            assert math.dist(moving[0, :2], place) < 0.1
+
+
 @pytest.mark.parametrize("speed", [0.5, 1.0, 1.5])
 @pytest.mark.parametrize("heading", [0.5 * math.pi, 2.2])
 def test_two_legs_are_one_person(speed, heading):
@@ -113,6 +126,39 @@ def test_two_legs_are_one_person(speed, heading):
         if time_s > STARTS_S + 0.65:
             assert math.dist(moving[0, 2:4], velocity) < 0.25
     assert 0.0 <= found_s < 0.45
+
+
+def predicted_off_m(rate_rad_s, seed):
+    """Return how far off the place is a second after it was predicted, on average [m]."""
+
+    def place_at(time_s):
+        turned, walked_s = rate_rad_s * max(time_s - STARTS_S, 0.0), max(time_s - STARTS_S, 0.0)
+        chord = 0.9 * walked_s * np.sinc(0.5 * turned / math.pi)
+        ahead = 0.4 + 0.5 * turned
+        return np.array([-2.5, -1.0]) + chord * np.array([math.cos(ahead), math.sin(ahead)])
+
+    def person(time_s):
+        place = place_at(time_s)
+        return [(*place, 0.22)], place, np.zeros(2)
+
+    off_m = []
+    obstacles = MovingObstacles(TracksConfig(turn_s=1.0))
+    for time_s, moving, _, _ in walk(person, 5.5, obstacles=obstacles, seed=seed):
+        if time_s > STARTS_S + 1.5:
+            ((x, y, vx, vy, _),) = moving
+            off_m.append(math.dist((x + vx, y + vy), place_at(time_s + 1.0)))
+    return np.mean(off_m)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("rate", [0.6, -0.6])
+def test_who_turns_is_expected_to_turn_on(rate, seed):
+    assert predicted_off_m(rate, seed) < 0.2  # straight on it would be 0.4 m with the filter's lag
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_who_goes_straight_is_expected_to_go_on(seed):
+    assert predicted_off_m(0.0, seed) < 0.15
 
 
 def test_a_person_who_stops_does_not_move_any_more():

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import (
@@ -34,6 +35,7 @@ from robotctl.planning.behave.journey.stuck_watch import StuckWatch, distance_m
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.behave.journey.turn_round import TurnRound
 from robotctl.planning.braking import speed_before
+from robotctl.planning.map.groups import with_groups
 from robotctl.planning.path.global_planning.closed_way import ClosedWay
 from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.plan import PlanFailure, Reason
@@ -188,7 +190,8 @@ class Journey(Behaviour):
         """Return the motion while it gives way, aside or at rest there; None: nobody comes."""
         gave_way = self._give_way.route is not None
         wanted = None if self._rung is not None else self._replanner.route
-        route = self._give_way.step(situation.pose, wanted, self._speed_m_s, now_ns)
+        track = self._progress.track
+        route = self._give_way.step(situation.pose, wanted, track, self._speed_m_s, now_ns)
         if route is None:
             if gave_way:
                 self._replanner.route = None
@@ -235,13 +238,19 @@ class Journey(Behaviour):
                 route.plan.poses,
                 route.plan.reverse,
                 tools.world.space_around(pose),
-                tools.world.moving,
+                self._moving(pose),
                 self._speed_on(route, pose),
                 tools.pace.effort,
             )
         )
         tools.pace.lap("steer")
         return motion
+
+    def _moving(self, pose: SE2) -> NDArray[np.float64]:
+        """Return what moves, groups included, as `LocalSituation.moving`."""
+        world, group_m = self._tools.world, self._tools.journey.people.group_m
+        reach_m = world.given.footprint.reach_m
+        return with_groups(world.moving, group_m, (pose.x_m, pose.y_m), reach_m)
 
     def _speed_on(self, route: Route, pose: SE2) -> float:
         """Return the largest speed here [m/s]: that of zones, and of what may come into sight."""
