@@ -13,6 +13,8 @@ from typer.testing import CliRunner
 from robotctl.cli.commands import app
 from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError
+from robotctl.planning.path.global_planning.plan import Plan
+from robotctl.planning.path.global_planning.planners import PLANNERS
 
 FLAT = ("--map", "flat", "--start", "1,1,0", "--goal", "6,3,90")
 
@@ -54,6 +56,28 @@ def test_trees_drive_a_robot_that_steers_on_curves_and_not_in_reverse_if_told_so
         chords = np.hypot(*np.diff(rows[:, :2], axis=0).T)
         turns = np.abs((np.radians(np.diff(rows[:, 2])) + math.pi) % math.tau - math.pi)
         assert (turns <= 1.001 * chords / 0.497 + 1e-4).all(), "its smallest circle"
+
+
+class Tireless:
+    """A planner that goes on for as long as it may, as one that makes its path ever better."""
+
+    def __init__(self, config):
+        del config
+
+    def plan(self, space, start, goal, goes_on):
+        """Return the straight path when it may not go on any more."""
+        del space
+        while goes_on():
+            pass
+        poses = np.array([(each.x_m, each.y_m, each.theta_rad) for each in (start, goal)])
+        return Plan(poses, math.dist(*poses[:, :2]), 0)
+
+
+def test_a_planner_that_never_ends_by_itself_is_given_its_time_alone(monkeypatch):
+    monkeypatch.setitem(PLANNERS, "tireless", Tireless)
+    result = call(*FLAT, "--planner", "tireless", "--time-limit", 0.01)
+    assert result.exit_code == 0, result.output
+    assert "tireless: 5.385 m" in result.output
 
 
 def test_the_zones_of_the_robot_are_kept_out_of():
