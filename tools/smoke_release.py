@@ -116,12 +116,12 @@ def try_deb(folder: Path, release: Path, out: Path) -> None:
     root = folder / "root"
     _do(["mmdebstrap", "--quiet", "--variant=apt", RELEASES[PYTHON], str(root)])
     shutil.copy(package, root)
-    older = write_older(package, root / "older.deb", folder / "older")
+    write_older(package, root / "older.deb", folder / "older")
     enter = ["unshare", "--mount", "--pid", "--fork", f"--mount-proc={root}/proc"]
     enter += ["chroot", str(root), "env", "-i", f"PATH={PATH}", "HOME=/root"]
     enter += ["DEBIAN_FRONTEND=noninteractive", "sh", "-c"]
     install = "apt-get install --quiet=2 --yes --no-install-recommends"
-    _do([*enter, f"apt-get update --quiet=2 && {install} /{older.name}"])
+    _do([*enter, f"apt-get update --quiet=2 && {install} /older.deb"])
     _do([*enter, "robotctl install --robot diff_drive"])
     with (root / "etc/robotctl/robot.toml").open("a") as file:
         file.write(KEPT)
@@ -140,7 +140,7 @@ def try_deb(folder: Path, release: Path, out: Path) -> None:
         raise FailedError(f"left after it was purged: {', '.join(left)}")
 
 
-def write_older(package: Path, older: Path, folder: Path) -> Path:
+def write_older(package: Path, older: Path, folder: Path) -> None:
     """Write a package as the given one, of a lower version and with a file more."""
     _do(["dpkg-deb", "--raw-extract", str(package), str(folder)])
     control = folder / "DEBIAN/control"
@@ -149,7 +149,6 @@ def write_older(package: Path, older: Path, folder: Path) -> Path:
     control.write_text("\n".join(lines) + "\n")
     (folder / OF_OLD).write_text("")
     _do(["dpkg-deb", "--build", "--root-owner-group", "-Znone", str(folder), str(older)])
-    return older
 
 
 def try_image(release: Path, out: Path) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, TypeAlias
 
+from robotctl.model.polygons import surrounds
+
 Point: TypeAlias = tuple[float, float]
 
 
 class FencePolygon(NamedTuple):
-    """A polygon; a point is inside if a line from it crosses the sides an odd number of times."""
+    """A polygon."""
 
     corners: tuple[Point, ...]
     """Corners, at least three, in either order [m]."""
@@ -18,13 +20,7 @@ class FencePolygon(NamedTuple):
 
     def surrounds(self, x_m: float, y_m: float) -> bool:
         """Return whether a point is inside."""
-        inside = False
-        (x1, y1) = self.corners[-1]
-        for x2, y2 in self.corners:
-            if (y1 > y_m) != (y2 > y_m):
-                inside ^= x_m < x1 + (y_m - y1) / (y2 - y1) * (x2 - x1)
-            x1, y1 = x2, y2
-        return inside
+        return surrounds(self.corners, (x_m, y_m))
 
 
 class FenceCircle(NamedTuple):

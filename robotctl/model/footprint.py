@@ -19,8 +19,6 @@ from robotctl.model.polygons import (
     turn,
 )
 
-__all__ = ["Footprint", "Point"]
-
 
 @dataclass(frozen=True, slots=True)
 class Footprint:

@@ -43,7 +43,7 @@ def distance_m(point: Point, side: Side) -> float:
 
 
 def surrounds(polygon: Sequence[Point], point: Point) -> bool:
-    """Return whether a point is inside a polygon."""
+    """Return whether a point is inside a polygon: a line from it crosses an odd number of sides."""
     x, y = point
     inside = False
     for (ax, ay), (bx, by) in sides_of(polygon):
@@ -61,24 +61,17 @@ def touching_sides(polygon: Sequence[Point]) -> tuple[Side, Side] | None:
             onwards = (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1])
             if turn(a, b, c) == 0.0 and onwards <= 0.0:
                 return one, other
-        elif _meet(one, other):
+        elif meet(one, other):
             return one, other
     return None
 
 
-def _meet(one: Side, other: Side) -> bool:
+def meet(one: Side, other: Side) -> bool:
     """Return whether two sides have a point in common."""
-    before, after = turn(*one, other[0]), turn(*one, other[1])
-    first, last = turn(*other, one[0]), turn(*other, one[1])
-    if before * after < 0.0 and first * last < 0.0:
-        return True
-    return any(
-        between == 0.0 and distance_m(point, side) == 0.0
-        for between, point, side in (
-            (before, other[0], one), (after, other[1], one),
-            (first, one[0], other), (last, one[1], other),
-        )
-    )  # fmt: skip
+    (a, b), (c, d) = one, other
+    if any(max(a[i], b[i]) < min(c[i], d[i]) or max(c[i], d[i]) < min(a[i], b[i]) for i in (0, 1)):
+        return False
+    return turn(a, b, c) * turn(a, b, d) <= 0.0 and turn(c, d, a) * turn(c, d, b) <= 0.0
 
 
 def convex_pieces(polygon: Polygon) -> tuple[Polygon, ...]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from robotctl.errors import InvalidValue
+from robotctl.model.polygons import meet, sides_of, surrounds
 
 Point: TypeAlias = tuple[float, float]
 
@@ -55,28 +55,10 @@ class Zone:
 
     def contains(self, point: Point) -> bool:
         """Return whether a point lies inside."""
-        x_m, y_m = point  # a line from there crosses the sides an odd number of times
-        inside = False
-        for (ax, ay), (bx, by) in self._sides():
-            if (ay > y_m) != (by > y_m):
-                inside ^= ax + (y_m - ay) / (by - ay) * (bx - ax) > x_m
-        return inside
+        return surrounds(self.corners, point)
 
     def is_entered(self, begin: Point, end: Point) -> bool:
         """Return whether a straight way to a point leads into the zone, or touches its edge."""
-        return self.contains(end) or any(_meet(a, b, begin, end) for a, b in self._sides())
-
-    def _sides(self) -> Iterator[tuple[Point, Point]]:
-        return zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
-
-
-def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Return whether two segments, a to b and c to d, have a point in common."""
-    if any(max(a[i], b[i]) < min(c[i], d[i]) or max(c[i], d[i]) < min(a[i], b[i]) for i in (0, 1)):
-        return False
-    return _side(a, b, c) * _side(a, b, d) <= 0.0 and _side(c, d, a) * _side(c, d, b) <= 0.0
-
-
-def _side(a: Point, b: Point, point: Point) -> float:
-    """Return on which side of the line from `a` to `b` a point lies: left is positive."""
-    return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
+        return self.contains(end) or any(
+            meet(side, (begin, end)) for side in sides_of(self.corners)
+        )
