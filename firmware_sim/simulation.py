@@ -380,6 +380,7 @@ class Simulation:
             unsafe_reason=findings[-1].reason if findings else "",
             ran_into=0 if people is None else people.ran_into,
             people=self.people_m,
+            body=plant.body_state,
         )
 
     def scan(self, number: int = 0, *, origin_ns: int = 0) -> Scan | None:

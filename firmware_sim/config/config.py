@@ -194,14 +194,27 @@ class RobotConfig:
         return self.simulation.body or self.body.outline
 
     @property
-    def outlines(self) -> tuple[tuple[Point, ...], ...]:
-        """Corners of the true outline, and of each part beside it."""
-        return (self.outline, *(part.outline for part in self.body.part))
+    def outlines(self) -> tuple[tuple[tuple[Point, ...], ...], ...]:
+        """Corners of the true outline and of each part beside it, for each state of the body."""
+        return tuple(
+            (
+                self.outline,
+                *(
+                    part.outline
+                    for part in self.body.part
+                    if not part.states or state in part.states
+                ),
+            )
+            for state in self.body.states or ("",)
+        )
 
     @property
-    def pieces(self) -> list[tuple[Point, ...]]:
-        """Corners of convex pieces that make up the body, counter-clockwise."""
-        return [piece for outline in self.outlines for piece in pieces_of(outline)]
+    def bodies(self) -> tuple[list[tuple[Point, ...]], ...]:
+        """Corners of convex pieces that make up the body, counter-clockwise, for each state."""
+        return tuple(
+            [piece for outline in outlines for piece in pieces_of(outline)]
+            for outlines in self.outlines
+        )
 
     @property
     def motors(self) -> tuple[MotorTable, ...]:

@@ -17,6 +17,7 @@ class BodyPart:
 
     name: str
     outline: tuple[Point, ...]
+    states: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_outline("outline", self.outline)
@@ -25,14 +26,21 @@ class BodyPart:
 @closed
 @dataclass(frozen=True, slots=True)
 class BodySection:
-    """The table `[body]`: the outline that robotctl believes in, and parts beside it."""
+    """The table `[body]`: the outline that robotctl believes in, and parts beside it.
+
+    A part with `states` is there in these; `state` is the one at the start, by its number.
+    """
 
     outline: tuple[Point, ...] = ()
+    states: tuple[str, ...] = ()
+    state: int | None = None
     part: tuple[BodyPart, ...] = ()
 
     def __post_init__(self) -> None:
         if self.outline:
             check_outline("outline", self.outline)
+        if self.state is not None and not 0 <= self.state < len(self.states):
+            raise ValueError(f"state: {self.state}; allowed are 0 to {len(self.states) - 1}")
 
 
 def check_outline(key: str, corners: tuple[Point, ...]) -> None:

@@ -168,6 +168,13 @@ def carry(robot: FaultyRobot, _: Arguments) -> None:
     raise SimulationError(f"no place to put the robot down was found in {robot.world.name}")
 
 
+def change_body(robot: FaultyRobot, arguments: Arguments) -> Undo:
+    """Put the body in another state, such as with a load."""
+    plant, before = robot.plant, robot.plant.body_state
+    plant.use_body(robot.config.body.states.index(str(arguments["state"])))
+    return lambda: plant.use_body(before)
+
+
 def leak(robot: FaultyRobot, arguments: Arguments) -> Undo:
     """Make one sonar receive another's echo."""
     return robot.ring.leak(int(number(arguments, "sonar")), int(number(arguments, "other")))

@@ -123,6 +123,12 @@ DRIVE: Final[dict[str, Kind]] = {
     "carried": Kind(
         "somebody carries the robot to a random place in the room", act.carry
     ),
+    "body": Kind(
+        "the robot's body changes: it takes up a load, lifts its fork, couples a trailer; robotctl "
+        "is not told", act.change_body,
+        {"state": Parameter("", "a state of `[body]`", named=True), **_LASTING},
+        fits.body,
+    ),
     "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}, fits.wheel),
     "wheel_slipping": Kind(
         "a tyre has lost most of its grip: on oil, or nearly off the floor", act.slip,

@@ -84,6 +84,16 @@ def exchange(robot: RobotConfig, arguments: Arguments) -> Misfits:
         yield "other", f"{arguments['other']!r}, must be another wheel"
 
 
+def body(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield a misfit if the robot's body has no such state."""
+    states, given = robot.body.states, str(arguments["state"])
+    if not states:
+        yield KIND, "the robot's file has no states in [body]"
+    elif given not in states:
+        allowed = ", ".join(states)
+        yield "state", f"{shown(given)!r}, allowed: {allowed}{nearest(given, states)}"
+
+
 def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:
     """Yield a misfit if the robot has no sonar."""
     if not robot.sonar:

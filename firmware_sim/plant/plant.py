@@ -52,6 +52,8 @@ class Plant:
     ----------
     axes
         Driven wheels with their motors, in the order of `config.drive.wheel_names`.
+    body_state
+        Number of the body's present state.
     discs
         Centres in world and radii, (n, 3) [m], of further, possibly moving, obstacles.
 
@@ -67,11 +69,11 @@ class Plant:
         self._chassis = chassis
         self._world = world
         self._segments = world.touchable
-        pieces = config.pieces
-        self._outline = body_outline(pieces)
+        self._outlines = [body_outline(pieces) for pieces in config.bodies]
+        self.use_body(config.body.state or 0)
         corner, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
         self._p["grid_x"], self._p["grid_y"] = corner
-        self._rows = contact_rows(chassis, self._p, len(pieces))
+        self._rows = contact_rows(chassis, self._p, max(map(len, config.bodies)))
         self._noise = noise_state(rng)
         self.discs = np.empty((0, 3))
         self._body = np.zeros(1, BODY)
@@ -117,6 +119,10 @@ class Plant:
                 raise ValueError(f"steer: angle {angle_rad}")
             angle_rad = math.copysign(limit, angle_rad)
         self._body_numbers[_STEERING_CMD] = angle_rad
+
+    def use_body(self, state: int) -> None:
+        """Put on, lift or leave what makes up a state of the body, by its number in the file."""
+        self.body_state, self._outline = state, self._outlines[state]
 
     def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:
         """Connect a brake resistor to the rail, or disconnect it."""

@@ -152,7 +152,8 @@ def constants(config: RobotConfig, chassis: Chassis) -> np.ndarray:
     p = np.zeros(1, CONSTANTS)
     s = config.simulation
     m, w, b = s.motor, s.wheels, s.battery
-    corners = np.array([corner for outline in config.outlines for corner in outline])
+    outlines = [outline for body in config.outlines for outline in body]
+    corners = np.array([corner for outline in outlines for corner in outline])
     gear = m.gear_ratio
     lag = s.steering.time_constant_s
     values = {

@@ -30,6 +30,8 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
         Contacts that people caused.
     people
         Positions of the people: x, y [m].
+    body
+        State of the robot's body, by its number in the robot's file; 0: there is one only.
     charge
         Charge of the battery, [0, 1].
     bus_frames, bus_errors
@@ -67,6 +69,7 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     ran_into: int = 0
     people: tuple[tuple[float, float], ...] = ()
     vy_m_s: float = 0.0
+    body: int = 0
 
 
 class Scan(msgspec.Struct, frozen=True, gc=False, tag="LidarScan"):

@@ -146,6 +146,11 @@ class RobotConfig:
         return self.body.footprint or self.navigation.guard.outline(self.sonar)
 
     @property
+    def footprints(self) -> tuple[Footprint, ...]:
+        """The outline of the body in each of its states."""
+        return self.body.footprints or (self.footprint,)
+
+    @property
     def lidars(self) -> tuple[LidarConfig, ...]:
         """All lidars, in the order of the file."""
         if self.lidar is None:
@@ -491,16 +496,20 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
 
 def _beyond_the_body(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield sonars outside of the outline, and what else tells the body than that."""
-    outline = config.body.footprint
-    if outline is None:
+    body = config.body
+    if not body.outline:
         return
+    for number, part in enumerate(body.part):
+        for name in set(part.states).difference(body.states):
+            hint = toml_source.nearest(name, body.states)
+            yield ("body", "part", number, "states"), f"no such state {name!r}{hint}"
     guard, unset = config.navigation.guard, GuardConfig()
     for name in ("nose_m", "half_width_m"):
         if getattr(guard, name) != getattr(unset, name):
             problem = f"{getattr(guard, name):g} found beside [body] outline, which tells the body"
             yield ("navigation", "guard", name), f"{problem}; leave one out"
     for mount in config.sonar:
-        outside_m = -outline.depth_m(mount.x_m, mount.y_m)
+        outside_m = max(-each.depth_m(mount.x_m, mount.y_m) for each in body.footprints)
         if outside_m > OUTSIDE_M:
             problem = (
                 f"sonar {mount.name} at {mount.x_m:g}, {mount.y_m:g} is {outside_m:.3f} m outside"

@@ -57,8 +57,8 @@ class FenceKeeper:
         # A command is followed until the next one, or its end, has reached control.
         self._period_s = (period_ns + LATENCY_NS) * 1e-9
         self._life_s = (life_ns + LATENCY_NS) * 1e-9
-        self._body, self._steered = body, steered
-        self.retune(limits)
+        self._steered = steered
+        self.retune(limits, body)
         self.fence = Fence()
         self.state = FenceState()
         self.is_damaged = False
@@ -71,11 +71,9 @@ class FenceKeeper:
         """When each kind of notice was last true [ns]."""
         self._notices: list[str] = []
 
-    def retune(self, limits: LimitsConfig) -> None:
-        """Take other limits."""
-        self._guard = FenceGuard(
-            limits, self._body, self._period_s, self._life_s, steered=self._steered
-        )
+    def retune(self, limits: LimitsConfig, body: Footprint) -> None:
+        """Take other limits, and the body in another state."""
+        self._guard = FenceGuard(limits, body, self._period_s, self._life_s, steered=self._steered)
         self._limits = limits
 
     @property

@@ -16,6 +16,7 @@ from robotctl.core.sightings import Sightings
 from robotctl.core.station_watch import StationWatch
 from robotctl.core.told_views import Told, ToldViews
 from robotctl.errors import ConfigError, MissionError
+from robotctl.estimation.ranging.own_body import without_body
 from robotctl.messages.control import (
     ControlState,
     ExternalPose,
@@ -24,7 +25,13 @@ from robotctl.messages.control import (
     NavigationState,
     VelocityCommand,
 )
-from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState, PlanView
+from robotctl.messages.estimation import (
+    CameraView,
+    LidarScan,
+    LocalisationState,
+    PlanView,
+    SensorMessage,
+)
 from robotctl.messages.fence import EnableFence, SetFence, SetRally
 from robotctl.messages.mission import LoadMission
 from robotctl.messages.plans import BoundsView, DrawnZone, KnownPlace, MissionView, SetZones
@@ -125,7 +132,7 @@ class NavigationAdapter:
         self._told = ToldViews()
         self._offer: _Offer | None = None
         """A mission that the navigator is asked to take in this step."""
-        self._sightings = Sightings(navigator.reach_over_m, camera_rate_hz)
+        self._sightings = Sightings(lambda: navigator.reach_over_m, camera_rate_hz)
         self._world = WorldPose(has_localiser=has_localiser)
         self._notices: list[str] = []
         self._message = ""
@@ -180,6 +187,18 @@ class NavigationAdapter:
             rally_crc=0 if self._rally is None else self._rally.crc,
         )
         return command, state
+
+    def outside_body(self, seen: Sequence[SensorMessage]) -> tuple[SensorMessage, ...]:
+        """Return what was seen, without echoes of a body that has several states.
+
+        Of what always moves with the robot, the file says in which directions a lidar sees it.
+        """
+        sides = self.navigator.changing_sides
+        if sides is None:
+            return tuple(seen)
+        return tuple(
+            without_body(each, sides) if isinstance(each, LidarScan) else each for each in seen
+        )
 
     def bound_by(self, requests: Iterable[NavigationRequest]) -> None:
         """Take fences, which planning keeps to, too, zones and rally points; leave all else."""

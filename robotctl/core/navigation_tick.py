@@ -112,7 +112,8 @@ class NavigationTick:
 
         `late_ns` is how long this process was kept from the step, by its own measure [ns].
         """
-        self._control, self._seen, self._late_ns = control, tuple(seen), late_ns
+        self._control, self._late_ns = control, late_ns
+        self._seen = self._adapter.outside_body(seen)
         self._requests = tuple(self._operator.ask())
 
     def localise(self, now_ns: int) -> None:
@@ -154,7 +155,7 @@ class NavigationTick:
         try:
             navigator = self._adapter.navigator
             navigator.retune(tuning.values)
-            self._adapter.fence.retune(navigator.limits)
+            self._adapter.fence.retune(navigator.limits, navigator.body)
             if self._estimators is not None:
                 self._estimators.retune(tuning.values)
             self._tuning = tuning.number

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -43,7 +43,7 @@ class Sightings:
     Parameters
     ----------
     reach_over_m
-        How far the body reaches over the floor, ahead and behind, and to each side [m].
+        Returns how far the body reaches over the floor now, ahead and behind, and to each side [m].
     camera_rate_hz
         Pictures a second of the camera that watches the floor; 0: there is none.
 
@@ -53,7 +53,9 @@ class Sightings:
         Points on the floor around not to be driven over, as of the last control state [m].
     """
 
-    def __init__(self, reach_over_m: tuple[float, float], camera_rate_hz: float) -> None:
+    def __init__(
+        self, reach_over_m: Callable[[], tuple[float, float]], camera_rate_hz: float
+    ) -> None:
         self._reach_over_m = reach_over_m
         self._odometry = OdometryHistory()
         self._odom_epoch_ns: int | None = None
@@ -130,7 +132,7 @@ class Sightings:
         self._odometry, self._floor = OdometryHistory(), FloorMemory()
         if not (self._has_camera and control.armings):
             return []
-        self._floor.doubt(odometry, *self._reach_over_m)
+        self._floor.doubt(odometry, *self._reach_over_m())
         return [_UNSEEN]
 
 

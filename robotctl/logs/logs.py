@@ -200,7 +200,8 @@ def scene_of(config: RobotConfig) -> Scene:
         config.sonar,
         camera.mount if camera is not None and camera.enabled else None,
         sonar=config.localisation.sonar,
-        body=config.footprint,
+        bodies=config.footprints,
+        state=config.body.state or 0,
         has_localiser=config.localisation.method != "none",
     )
 

@@ -528,7 +528,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     reverse. `home` is x, y (m) and heading (rad) of the goal of RTL in `world`, None: unchanged
     since the start. `budget` is renewed once a second. `wanted` is the velocity that its mode
     wants: forward (m/s), turning (rad/s) and to the left (m/s). `limited_by` is the obstacle for
-    which the guard has slowed that, empty: it has not.
+    which the guard has slowed that, empty: it has not. `body` is the state of its body, by its
+    place among the states in the robot's file; 0: there are none.
     """
 
     stamp_ns: int
@@ -564,6 +565,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     budget: StepBudget = StepBudget()
     wanted: tuple[float, float, float] = (0.0, 0.0, 0.0)
     limited_by: str = ""
+    body: int = 0
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -26,6 +26,8 @@ class BodyPart:
         How it is called.
     outline
         Corners of a simple polygon, in order, either way round [m]; it may leave `base` outside.
+    states
+        States of the body in which it is there; none: it always is.
 
     Raises
     ------
@@ -35,6 +37,7 @@ class BodyPart:
 
     name: str
     outline: Polygon
+    states: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the outline here, so that an error names this part."""
@@ -55,20 +58,26 @@ class BodyConfig:
         Corners of a simple polygon around `base`, in order, either way round [m]. Without any, the
         body is a rectangle around nose and sonars, of `nose_m` and `half_width_m` of
         `[navigation.guard]`.
+    states
+        Names of its states, such as with and without a load; parts may be there in some only.
+    state
+        Present state, by its place in `states` from 0 on.
     part
         What belongs to the body beside that.
 
     Raises
     ------
     InvalidValue
-        If the outline is none, or `base` outside of it.
+        If the outline is none, or `base` outside of it, or there is no such state.
     """
 
     outline: Polygon = ()
+    states: tuple[str, ...] = ()
+    state: int | None = None
     part: tuple[BodyPart, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the outline."""
+        """Check the outline, and the states."""
         _check_reach(self.outline)
         try:
             Footprint(_to_the_left(self.outline))
@@ -80,12 +89,43 @@ class BodyConfig:
         names = [part.name for part in self.part]
         if len(set(names)) < len(names):
             raise InvalidValue("part", f"two have the same name: {', '.join(names)}", names)
+        self._check_states()
+
+    def _check_states(self) -> None:
+        """Raise InvalidValue if there is no such state as the present one."""
+        states = self.states
+        if len(set(states)) < len(states):
+            raise InvalidValue("states", f"two have the same name: {', '.join(states)}", states)
+        if self.state is not None and not states:
+            raise InvalidValue("states", "missing, but needed beside a state", states)
+        if states and self.state is None:
+            raise InvalidValue("state", "missing, but needed beside states", self.state)
+        if self.state is not None and not 0 <= self.state < len(states):
+            allowed = ", ".join(f"{i} ({name})" for i, name in enumerate(states))
+            raise InvalidValue("state", f"{self.state} found; allowed are {allowed}", self.state)
 
     @property
     def footprint(self) -> Footprint | None:
-        """The outline with all parts; None if there is none."""
-        parts = tuple(_to_the_left(part.outline) for part in self.part)
-        return Footprint(_to_the_left(self.outline), parts) if self.outline else None
+        """The outline with all parts that are there now; None if there is none."""
+        return self.footprints[self.state or 0] if self.outline else None
+
+    @property
+    def footprints(self) -> tuple[Footprint, ...]:
+        """The outline with its parts in each state, or the only one; none if there is none."""
+        if not self.outline:
+            return ()
+        corners = _to_the_left(self.outline)
+        return tuple(
+            Footprint(
+                corners,
+                tuple(
+                    _to_the_left(part.outline)
+                    for part in self.part
+                    if not part.states or state in part.states
+                ),
+            )
+            for state in self.states or ("",)
+        )
 
 
 _AROUND_BASE: Final = ((1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0))

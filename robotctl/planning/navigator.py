@@ -9,6 +9,7 @@ from robotctl.config_values import Value, tuned
 from robotctl.control.limiter import LimitsConfig
 from robotctl.messages.control import NavigationState
 from robotctl.messages.mode import Mode
+from robotctl.model.body import BodyConfig
 from robotctl.model.drives.drives import Drive
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
@@ -31,7 +32,8 @@ from robotctl.planning.perception import Perception
 from robotctl.planning.supervision import DriveSupervision
 
 if TYPE_CHECKING:
-    from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
+    from robotctl.model.footprint_arrays import Sides  # which loads numpy, as does the other
+    from robotctl.planning.behave.behaviours.outlook import Outlook
 
 
 _REST: Final = Twist(0.0, 0.0)
@@ -82,8 +84,8 @@ class Navigator:
         Whether it has a camera that looks for markers.
     places
         Names of the places that its pilot can drive to.
-    outline
-        Of the body, where the robot's file tells it.
+    body
+        What moves with the robot, in its states.
     pace
         Told of the parts of its steps, and asked how much it may do in them.
 
@@ -112,19 +114,20 @@ class Navigator:
         lidars: int = 0,
         sees_markers: bool = False,
         places: tuple[str, ...] = (),
-        outline: Footprint | None = None,
+        body: BodyConfig = BodyConfig(),  # noqa: B008
         pace: Pace = UNHURRIED,
     ) -> None:
-        self._began_with = {"navigation": config, "limits": limits}
+        self._began_with = {"navigation": config, "limits": limits, "body": body}
         guard = ObstacleGuard(
             config.guard,
             mounts,
             has_lidar=lidars > 0,
             limits=limits if drive.holonomic else None,
-            outline=outline,
+            outline=body.footprint,
         )
         crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, guard, crumbs, sees_markers, places)
+        self._body_state = body.state
         self._perception = Perception(self._robot, lidars)
         self._supervision = DriveSupervision()
         self._modes = Modes(mission, self._robot, limits)
@@ -147,6 +150,16 @@ class Navigator:
         return self._robot.guard.reach_over_m
 
     @property
+    def body(self) -> Footprint:
+        """The body in its present state."""
+        return self._robot.guard.body
+
+    @property
+    def changing_sides(self) -> Sides | None:
+        """The sides of a body that has several states; None: it has one."""
+        return None if self._body_state is None else self._robot.guard.body_sides
+
+    @property
     def limits(self) -> LimitsConfig:
         """The speed limits in force."""
         return self._modes.manual.limits
@@ -163,12 +176,26 @@ class Navigator:
     def retune(self, values: Mapping[str, Value]) -> None:
         """Take other settings: the guard at once, the rest with the next thing that it drives.
 
-        What plans keeps those of the start. `InvalidValue`: one is not allowed, none is taken.
+        What plans keeps those of the start, but for another state of the body, which counts at
+        once. `InvalidValue`: one is not allowed, none is taken.
         """
         tables = tuned(self._began_with, values)
         self._robot.config, self._modes.manual.limits = tables["navigation"], tables["limits"]
         self._robot.guard.retune(self._robot.config.guard)
         self._modes.look_around.speed_m_s = self._robot.config.look_around_speed_m_s
+        self._use_body(tables["body"])
+
+    def _use_body(self, body: BodyConfig) -> None:
+        """Take another state of the body; the way is planned anew."""
+        footprint = body.footprint
+        if footprint is None or body.state == self._body_state:
+            return
+        self._body_state = body.state
+        self._robot.guard.use_body(footprint)
+        self._perception.use_body(footprint)
+        if self._robot.pilot is not None:
+            self._robot.pilot.use_body(footprint)
+        self._modes.pause()
 
     def take_pilot(self, pilot: Pilot) -> None:
         """Let a pilot plan what is driven to a goal."""
@@ -265,6 +292,7 @@ class Navigator:
             mission_commands=commander.commands,
             wanted=(*self._wanted,),
             limited_by=self._limited_by,
+            body=self._body_state or 0,
             **modes.auto.progress._asdict(),
         )
         return NavigationOutputs(

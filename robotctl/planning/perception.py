@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
@@ -44,6 +45,11 @@ class Perception:
         """The last of each lidar, with `base` in `odom` at its time, and when it came [ns]."""
         self._epoch: tuple[int, int] | None = None
         """Epoch of everything seen so far."""
+
+    def use_body(self, body: Footprint) -> None:
+        """Remember what is near another body from now on."""
+        self._passed.use_body(body)
+        self._hidden.use_body(body)
 
     def observe(self, inputs: NavigationInputs, now_ns: int) -> BehaviourInput:
         """Take in what is new; return it for behaviours."""

@@ -202,7 +202,10 @@ class SonarOutline(msgspec.Struct, frozen=True):
 
 
 class RobotOutline(msgspec.Struct, frozen=True):
-    """Constants of the robot while it runs; `outlines` are polygons that make up its body [m]."""
+    """Constants of the robot while it runs.
+
+    `bodies` are the polygons that make up its body in each state [m], in order of their numbers.
+    """
 
     name: str
     version: str
@@ -211,7 +214,7 @@ class RobotOutline(msgspec.Struct, frozen=True):
     holonomic: bool
     has_lidar: bool
     has_localiser: bool
-    outlines: tuple[tuple[tuple[float, float], ...], ...]
+    bodies: tuple[tuple[tuple[tuple[float, float], ...], ...], ...]
     sonars: tuple[SonarOutline, ...]
     v_max_m_s: float
     omega_max_rad_s: float

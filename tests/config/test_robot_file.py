@@ -429,3 +429,70 @@ def test_a_mission_may_have_the_name_of_its_world() -> None:
     assert find_file("clutter", "worlds", beside=missions) == worlds / "clutter.toml"
     with pytest.raises(ConfigError, match="is a mission; a world is needed"):
         find_file("patrol", "worlds", beside=missions)
+
+
+FORKLIFT = """
+[body]
+outline = [[0.2, 0.18], [-0.17, 0.18], [-0.17, -0.18], [0.2, -0.18]]
+states = ["up", "down"]
+state = 0
+
+[[body.part]]
+name = "load"
+outline = [[0.3, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.3, -0.4]]
+states = ["up"]
+
+[[body.part]]
+name = "fork"
+outline = [[0.6, 0.1], [0.2, 0.1], [0.2, -0.1], [0.6, -0.1]]
+states = ["down"]
+
+[[body.part]]
+name = "mast"
+outline = [[0.25, 0.1], [0.15, 0.1], [0.15, -0.1], [0.25, -0.1]]
+"""
+
+
+def forklift(folder: Path, text: str = FORKLIFT) -> Path:
+    path = folder / "forklift.toml"
+    path.write_text(find_file("diff_drive").read_text() + text)
+    return path
+
+
+def test_parts_are_there_in_the_states_that_they_name(tmp_path: Path) -> None:
+    robot = load_robot(forklift(tmp_path))
+    up, down = robot.footprints
+    assert robot.footprint == up
+    assert (up.front_m, up.left_m, len(up.parts)) == (0.3, 0.4, 2)
+    assert (down.front_m, down.left_m, len(down.parts)) == (0.6, 0.18, 2)
+    assert load_robot(forklift(tmp_path), ["body.state=1"]).footprint == down
+    assert load_robot(find_file("diff_drive")).footprints == (
+        load_robot(find_file("diff_drive")).footprint,
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("state = 0", "state = 2", r"body\.state: 2 found; allowed are 0 \(up\), 1 \(down\)"),
+        ("state = 0\n", "", r"body\.state: missing, but needed beside states"),
+        ('states = ["up", "down"]\n', "", r"body\.states: missing, but needed beside a state"),
+        ('"up", "down"', '"up", "up"', r"body\.states: two have the same name: up, up"),
+        ('states = ["down"]', 'states = ["dawn"]', r'such state .dawn.; did you mean "down"\?'),
+        ("[-0.17, 0.18], [-0.17, -0.18]", "[0.1, 0.18], [0.1, -0.18]", "base must lie inside"),
+    ],
+)
+def test_states_that_there_are_not_are_refused(
+    old: str, new: str, said: str, tmp_path: Path
+) -> None:
+    assert old in FORKLIFT
+    with pytest.raises(ConfigError, match=said):
+        load_robot(forklift(tmp_path, FORKLIFT.replace(old, new)))
+
+
+def test_a_sonar_must_be_inside_of_the_body_in_every_state(tmp_path: Path) -> None:
+    short = FORKLIFT.replace("[0.2, 0.18]", "[0.1, 0.18]").replace("[0.2, -0.18]", "[0.1, -0.18]")
+    short = short.replace('name = "mast"', 'name = "mast"\nstates = ["up"]')
+    short = short.replace("[0.2, 0.1], [0.2, -0.1]", "[0.3, 0.1], [0.3, -0.1]")
+    with pytest.raises(ConfigError, match=r"sonar front at 0\.18, 0 is 0\.080 m outside"):
+        load_robot(forklift(tmp_path, short))

@@ -86,7 +86,7 @@ def make_navigation(
         lidars=len(config.lidars),
         sees_markers=able.sees_markers,
         places=able.places,
-        outline=config.body.footprint,
+        body=config.body,
         pace=pace,
     )
     mavlink, period_ns = config.mavlink, round(1e9 / config.navigation.rate_hz)

@@ -61,7 +61,7 @@ def outline_of(config: RobotConfig, *, simulated: bool, file: str = "") -> Robot
         holonomic=config.drive.holonomic,
         has_lidar=bool(config.lidars),
         has_localiser=config.localisation.method != "none",
-        outlines=config.footprint.outlines,
+        bodies=tuple(each.outlines for each in config.footprints),
         sonars=tuple(
             SonarOutline(each.name, each.x_m, each.y_m, math.radians(each.heading_deg))
             for each in config.sonar

@@ -35,8 +35,9 @@ class JourneyScore:
 
     Parameters
     ----------
-    body
-        Convex pieces of it: (k, 2) corners of each in `base`, counter-clockwise [m].
+    bodies
+        Convex pieces of it in each of its states: (k, 2) corners of each in `base`,
+        counter-clockwise [m].
     sides
         (n, 4) sides of all that stands in the world: x, y, x, y [m].
     best
@@ -53,14 +54,15 @@ class JourneyScore:
 
     def __init__(
         self,
-        body: Sequence[NDArray[np.float64]],
+        bodies: Sequence[Sequence[NDArray[np.float64]]],
         sides: NDArray[np.float64],
         best: Callable[[], Best | None] = lambda: None,
     ) -> None:
-        self._body = [np.ascontiguousarray(piece) for piece in body]
+        self._bodies = [[np.ascontiguousarray(piece) for piece in body] for body in bodies]
+        self._body = self._bodies[0]
         self._sides = np.ascontiguousarray(sides)
         self._best = best
-        reaches_m = [float(np.hypot(*piece.T).max()) for piece in self._body]
+        reaches_m = [float(np.hypot(*piece.T).max()) for body in self._bodies for piece in body]
         self._reach_m = max(reaches_m) + _LOOK_M
         self.min_clearance_m = math.inf
         self.near_misses = 0
@@ -90,8 +92,11 @@ class JourneyScore:
             "near_misses": self.near_misses,
         }
 
-    def truth(self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = ()) -> None:
-        """Take a true pose, and where people are then; they come in the order of their stamps."""
+    def truth(
+        self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = (), body: int = 0
+    ) -> None:
+        """Take a true pose, where people are then, and the body's state, in order of the stamps."""
+        self._body = self._bodies[body]
         self._first = self._first or pose
         before, self._last = self._last or pose, pose
         if self._left_ns is None and pose.distance_m(self._first) > _LEFT_M:
@@ -123,5 +128,5 @@ def journey_score(
     simulated: SimulatedRobot, room: World, start: SE2, mission: Mission, robot: RobotConfig
 ) -> JourneyScore:
     """Return the score of a run that begins at `start`."""
-    body = [np.array(piece) for piece in simulated.pieces]
-    return JourneyScore(body, room.touchable, lambda: best_path(robot, room, start, mission))
+    bodies = [[np.array(piece) for piece in pieces] for pieces in simulated.bodies]
+    return JourneyScore(bodies, room.touchable, lambda: best_path(robot, room, start, mission))

@@ -115,12 +115,14 @@ class RunScore:
             is_recorded=is_recorded,
         )
 
-    def truth(self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = ()) -> None:
-        """Take a true pose, and where people are then (x, y)."""
+    def truth(
+        self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = (), body: int = 0
+    ) -> None:
+        """Take a true pose, where people are then (x, y), and the state of the body."""
         if self._truths is not None:
             self._truths.append(pose)
         self._pose.truth(pose)
-        self.journey.truth(pose, people_m)
+        self.journey.truth(pose, people_m, body)
         if self._has_localiser:
             self._localisation.truth(pose)
         if self._camera is not None:

@@ -169,6 +169,7 @@ class Truth(msgspec.Struct, frozen=True):
     late_max_ns: int
     ran_into: int
     people: tuple[tuple[float, float], ...]
+    body: int
 
 
 class Report(msgspec.Struct, frozen=True):

@@ -243,7 +243,7 @@ class LockstepRun:
         """Return views and scans since the last step."""
         now_ns, simulation = control.stamp_ns, self.stack.simulation
         pose = StampedPose(now_ns, *simulation.pose())
-        self._score.truth(pose, simulation.people_m)
+        self._score.truth(pose, simulation.people_m, simulation.plant.body_state)
         self._score.control(control)
         seen: list[LidarScan | CameraView] = []
         if self._camera is not None:

@@ -284,7 +284,7 @@ class SimRun:
             if self._simulator is not None:
                 self._simulator.hear_truth()
             pose = StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad)
-            self._score.truth(pose, truth.people)
+            self._score.truth(pose, truth.people, truth.body)
         for message in self._links.states.receive():
             self._hear(message)
 

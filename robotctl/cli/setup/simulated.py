@@ -171,7 +171,7 @@ class SimulatedPerson:
     def _reach(self, question: Ask) -> str:
         """Return how far the body reaches [m]; what is right to a centimetre stays."""
         axis, sign = _WAYS[question.subject]
-        outlines = self._simulation.config.outlines
+        outlines = self._simulation.config.outlines[self._simulation.plant.body_state]
         reach_m = max(sign * corner[axis] for outline in outlines for corner in outline)
         is_right = reach_m <= float(question.default) + OUTSIDE_M
         return question.default if is_right else f"{reach_m:.3f}"

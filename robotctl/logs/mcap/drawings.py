@@ -72,16 +72,20 @@ class Drawings:
         Sonars, in the order of their ranges.
     sonar
         Beam and range of the sonars.
-    body
-        Body of the robot; None: unknown.
+    bodies, state
+        Body of the robot in each of its states, and the present one; none: unknown.
     """
 
     def __init__(
-        self, sonars: Sequence[SonarMount], sonar: SonarModelConfig, body: Footprint | None
+        self,
+        sonars: Sequence[SonarMount],
+        sonar: SonarModelConfig,
+        bodies: Sequence[Footprint],
+        state: int,
     ) -> None:
         self._sonars = tuple(sonars)
         self._sonar = sonar
-        self._body = body
+        self._bodies, self._body = bodies, state
         self._due_ns: dict[str, int] = {}
         self._last: dict[str, object] = {}
         self._moves = False
@@ -93,8 +97,8 @@ class Drawings:
 
     def standing(self, wall_ns: int) -> Iterator[Drawn]:
         """Yield the static drawings, for the beginning of a file."""
-        if self._body is not None:
-            yield "outline", outline(wall_ns, self._body)
+        if self._bodies:
+            yield "outline", outline(wall_ns, self._bodies[self._body])
         if self._loops:
             yield "loops", self._drawn_loops(wall_ns)
         if self._goal is not None:
@@ -133,7 +137,10 @@ class Drawings:
                 yield "covariance", draw(found)
 
     def of_navigation(self, wall_ns: int, state: NavigationState) -> Iterator[Drawn]:
-        """Yield goal and home of the robot, when one of them changes."""
+        """Yield goal and home of the robot, and its body, when one of them changes."""
+        if state.body != self._body and state.body < len(self._bodies):
+            self._body = state.body
+            yield "outline", outline(wall_ns, self._bodies[state.body])
         if self._is_new("goal", (state.goal, state.home, goal_text(state))):
             was_there, self._goal = self._goal is not None, state
             if state.goal is None and state.home is None:

@@ -53,8 +53,8 @@ class Scene:
         Mount of the camera; None: there is none, or it is off.
     sonar
         Beam and range of the sonars.
-    body
-        Body of the robot; None: unknown.
+    bodies, state
+        Body of the robot in each of its states, and the present one; none: unknown.
     has_localiser
         Whether there is a transform from `odom` to `world`; without one the two are the same.
     """
@@ -65,12 +65,13 @@ class Scene:
         camera: CameraMount | None = None,
         *,
         sonar: SonarModelConfig | None = None,
-        body: Footprint | None = None,
+        bodies: Sequence[Footprint] = (),
+        state: int = 0,
         has_localiser: bool = False,
     ) -> None:
         self.sonar_names = tuple(mount.name for mount in sonars)
         self.maps: dict[str, LiveMap] = {}
-        self.drawings = Drawings(sonars, sonar or SonarModelConfig(), body)
+        self.drawings = Drawings(sonars, sonar or SonarModelConfig(), bodies, state)
         self._sonars = tuple(sonars)
         self._camera = camera
         self._lidars: dict[str, SE2] = {}

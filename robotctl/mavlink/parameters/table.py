@@ -75,6 +75,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("WALL_LOST", "navigation.wall.lost_max_m", 0.05, 20.0, _ANY),
     # Driving by plan.
     Parameter("PLAN_MARGIN", "navigation.pilot.margin_m", 0.0, 5.0),
+    # The body.
+    Parameter("BODY_STATE", "body.state", 0, 31, _ANY),
     # Making maps.
     Parameter("MAP_PAUSE", "localisation.paused", 0, 1, _ANY),
     # Failsafes.

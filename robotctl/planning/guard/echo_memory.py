@@ -53,8 +53,12 @@ class EchoMemory:
         self._config = config
         self._life_ns = round(1e9 * config.life_s)
         self._mounts = [SE2(each.x_m, each.y_m, each.heading_rad) for each in mounts]
-        self._body = side_rows(body)
+        self.use_body(body)
         self.reset()
+
+    def use_body(self, body: Footprint) -> None:
+        """Remember round another body from now on."""
+        self._body = side_rows(body)
 
     def reset(self) -> None:
         """Forget everything."""

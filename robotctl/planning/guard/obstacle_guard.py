@@ -133,16 +133,14 @@ class ObstacleGuard:
         outline: Footprint | None = None,
     ) -> None:
         self._config = config
-        self.body = outline or config.outline(mounts)
+        self._mounts = mounts
+        self._answered: tuple[Twist, GuardStep] | None = None
+        """The last motion that was asked for since something was observed, and its limit."""
         self._corners: Sequence[Point] = _corners(mounts, config.half_width_m)
-        nose_m, half_m = config.nose_m, config.half_width_m
+        self.reach_over_m = config.nose_m, config.half_width_m
+        self._take(config.outline(mounts))
         if outline is not None:
-            self._corners = outline.points
-            nose_m = max(outline.front_m, -outline.rear_m)
-            half_m = max(outline.left_m, outline.right_m)
-        self.reach_over_m = nose_m, half_m
-        self._views = [_view(index, mount, self._corners) for index, mount in enumerate(mounts)]
-        self._sides: Sides | None = None
+            self.use_body(outline)
         self._cosine = math.cos(math.radians(config.cone_deg))
         self._history: list[list[float]] = []
         self._readings_m: list[float] = []
@@ -150,14 +148,30 @@ class ObstacleGuard:
         self._count = len(mounts)
         self._has_lidar = has_lidar
         self._limits = limits
-        self._answered: tuple[Twist, GuardStep] | None = None
-        """The last motion that was asked for since something was observed, and its limit."""
         self.reset()
 
     def retune(self, config: GuardConfig) -> None:
-        """Brake by other settings; the body stays as it was at the start."""
+        """Brake by other settings; the body stays as it is."""
         self._config = config
         self._cosine = math.cos(math.radians(config.cone_deg))
+        self._answered = None
+
+    def use_body(self, outline: Footprint) -> None:
+        """Guard another body from now on."""
+        self._corners = outline.points
+        self.reach_over_m = (
+            max(outline.front_m, -outline.rear_m),
+            max(outline.left_m, outline.right_m),
+        )
+        self._take(outline)
+
+    def _take(self, body: Footprint) -> None:
+        """Take a body, whose corners are known."""
+        self.body = body
+        self._views = [
+            _view(index, mount, self._corners) for index, mount in enumerate(self._mounts)
+        ]
+        self._sides: Sides | None = None
         self._answered = None
 
     def reset(self) -> None:

@@ -44,8 +44,12 @@ class ScanMemory:
     ) -> None:
         self._config = config
         self._life_ns = round(1e9 * config.life_s)
-        self._body = side_rows(body)
+        self.use_body(body)
         self.reset()
+
+    def use_body(self, body: Footprint) -> None:
+        """Remember round another body from now on."""
+        self._body = side_rows(body)
 
     def reset(self) -> None:
         """Forget everything."""

@@ -80,6 +80,7 @@ class LayeredMap:
         through_unknown: bool = False,
     ) -> None:
         self.config = config
+        self._grid = grid
         self._through_unknown = through_unknown
         self._closed, self._full_speed_m_s = closed, full_speed_m_s
         self._given = grid.cells.copy()
@@ -168,6 +169,27 @@ class LayeredMap:
         at = larger._space.grid.cell_of(grid.centre_of(np.zeros((1, 2), np.int64)))[0].tolist()
         take_over(larger._cells, larger._layers, self._cells, self._layers, at)
         return larger
+
+    def with_body(self, footprint: Footprint) -> LayeredMap:
+        """Return the same map for another body, with what was seen."""
+        other = self._begun(footprint)
+        take_over(other._cells, other._layers, self._cells, self._layers, [0, 0])
+        return other
+
+    def unseen(self) -> PlanningMap:
+        """Return the whole map as it was before anything was seen."""
+        return self._begun(self._space.footprint).space()
+
+    def _begun(self, footprint: Footprint) -> LayeredMap:
+        """Return the same map for a body, with nothing seen."""
+        return LayeredMap(
+            self._grid,
+            footprint,
+            self.config,
+            self._closed,
+            self._full_speed_m_s,
+            through_unknown=self._through_unknown,
+        )
 
     def recall(self, grid: GridMap, now_ns: int) -> None:
         """Take what another map of the same place knows, which was seen by lidar until a time [ns].

@@ -48,6 +48,8 @@ class LiveWorld:
 
     Attributes
     ----------
+    body
+        The present outline of the robot.
     moving
         (k, 5) what moves by itself, as `LocalSituation.moving`.
     last_scan
@@ -55,8 +57,6 @@ class LiveWorld:
         none yet.
     map
         The live map.
-    given
-        The map as given, with nothing seen yet.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class LiveWorld:
         braking_m_s2: float,
         lidars: int,
     ) -> None:
-        self._footprint = footprint
+        self.body = footprint
         self._mounts = mounts
         self._grid = grid
         self._config = config
@@ -90,23 +90,34 @@ class LiveWorld:
         """Time of the last scan of each lidar, by its name [ns]."""
         self._now_ns = 0
         self._here = home
-        self.map = self._begun()
-        self.given = self.map.space()
+        self._begin()
         self._once_marked = self.map.marked()
         """Cells that were marked on this journey, (rows, columns); with a map."""
+
+    def _begin(self) -> None:
+        """Begin a map in which nothing has been seen."""
+        self.map = self._given_of = self._begun()
+        self._given = self.map.space()
+
+    @property
+    def given(self) -> PlanningMap:
+        """The live map as it was before anything was seen."""
+        if self._given_of is not self.map:  # it has grown, or the body has changed
+            self._given_of, self._given = self.map, self.map.unseen()
+        return self._given
 
     def _begun(self) -> LayeredMap:
         """Return a map in which nothing has been seen."""
         if self._grid is not None:
             return LayeredMap(
-                self._grid, self._footprint, self._config, self._closed, self._full_speed_m_s
+                self._grid, self.body, self._config, self._closed, self._full_speed_m_s
             )
         low, high = _beside(self._here, self._config.around_m).tolist()
         return LayeredMap.without_map(
             (low[0], low[1]),
             (high[0], high[1]),
             self._config.cell_m,
-            self._footprint,
+            self.body,
             self._closed,
             self._full_speed_m_s,
             self._config,
@@ -186,6 +197,13 @@ class LiveWorld:
         away_m = np.hypot(self.moving[:, 0] - pose.x_m, self.moving[:, 1] - pose.y_m)
         return any(self.may_move) or bool((away_m < self._config.person_range_m).any())
 
+    # Changing
+
+    def use_body(self, footprint: Footprint) -> None:
+        """Ask for another body from now on; what was seen stays known."""
+        self.body = footprint
+        self.map = self.map.with_body(footprint)
+
     # Forgetting
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
@@ -201,8 +219,7 @@ class LiveWorld:
         if closed == self._closed:
             return
         self._closed = closed
-        self.map = self._begun()
-        self.given = self.map.space()
+        self._begin()
         self.forget()
 
     def forget(self) -> None:
@@ -280,7 +297,7 @@ class LiveWorld:
         """Return the way on a path to what no lidar sees [m]; inf: there is none, or no lidar."""
         if self.last_scan is None:
             return math.inf
-        body = self._footprint
+        body = self.body
         half_m = max(body.left_m, body.right_m)
         return seen_along(*self.last_scan, path, half_m, body.reach_m)
 

@@ -29,5 +29,5 @@ def warm_up() -> None:
         simulation.scan()
         simulation.camera_frame()
     body = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
-    score = JourneyScore([body], np.array([[1.0, 0.0, 1.0, 1.0]]))
+    score = JourneyScore([[body]], np.array([[1.0, 0.0, 1.0, 1.0]]))
     score.truth(StampedPose(0, 0.0, 0.0, 0.0), [(1.0, 1.0)])

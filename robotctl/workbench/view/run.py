@@ -202,7 +202,7 @@ class ReplayedRun:
             return
         stamp_ns = int(self._truth.stamps_ns[number])
         x_m, y_m, theta_rad = self._truth.poses[number].tolist()
-        pose = {"x_m": x_m, "y_m": y_m, "theta_rad": theta_rad, "people": ()}
+        pose = {"x_m": x_m, "y_m": y_m, "theta_rad": theta_rad, "people": (), "body": 0}
         message = {"type": "Truth", "stamp_ns": stamp_ns - self.begin_ns, **pose}
         yield Picture("Truth", stamp_ns, lambda: (_encode(message),))
 
@@ -230,7 +230,7 @@ class ReplayedRun:
             holonomic=False,
             has_lidar="lidar" in self._index.topics,
             has_localiser="localisation" in self._index.topics,
-            outlines=self._body(),
+            bodies=(self._body(),),
             sonars=tuple(self._sonars()),
             v_max_m_s=0.0,
             omega_max_rad_s=0.0,

@@ -121,7 +121,7 @@ class World:
         walls = WallMap(np.array([[-99.0, -99.0, 99.0, -99.0]]))
         self.score = RunScore(
             MapTruth(walls, lambda: walls),
-            JourneyScore([np.eye(3, 2)], walls.segments),
+            JourneyScore([[np.eye(3, 2)]], walls.segments),
             has_localiser=True,
             is_recorded=False,
         )

@@ -31,7 +31,7 @@ def test_the_page_is_told_a_robots_body_and_limits(robot):
         config.limits.v_max_m_s,
         config.limits.vy_max_m_s,
     )
-    ((*corners,),) = outline.outlines
+    (((*corners,),),) = outline.bodies
     assert len(corners) == 4
     xs, ys = zip(*corners, strict=True)
     for sonar in config.sonar:

@@ -39,7 +39,7 @@ def test_the_distance_is_that_of_dense_points_from_the_rectangle(seed):
 def test_the_distance_of_any_body_is_what_shapely_says(body, seed):
     rng = np.random.default_rng(seed)
     sides = rng.uniform(-1.0, 1.0, (3, 4))
-    score = JourneyScore([np.array(piece) for piece in body.pieces], sides)
+    score = JourneyScore([[np.array(piece) for piece in body.bodies[0]]], sides)
     score.truth(at(0, 0.3, -0.2, 0.7))
     lines = shapely.MultiLineString([(each[:2], each[2:]) for each in sides.tolist()])
     shape = shapely.affinity.rotate(shape_of(body), 0.7, origin=(0, 0), use_radians=True)
@@ -52,7 +52,7 @@ def at(seconds, x_m, y_m=0.0, theta_rad=0.0):
 
 
 def test_a_robot_that_passes_a_wall_twice_has_two_near_misses_and_its_time():
-    score = JourneyScore([BODY], np.array([[2.0, -5.0, 2.0, 5.0]]))
+    score = JourneyScore([[BODY]], np.array([[2.0, -5.0, 2.0, 5.0]]))
     assert score.time_s is None
     for k, x_m in enumerate((0.0, 0.05, 1.0, 1.66, 1.65, 1.64, 1.5, 1.66, 1.0)):
         score.truth(at(k, x_m))
@@ -62,14 +62,14 @@ def test_a_robot_that_passes_a_wall_twice_has_two_near_misses_and_its_time():
 
 
 def test_a_turned_robot_that_touches_has_no_clearance():
-    score = JourneyScore([BODY], np.array([[1.0, -5.0, 1.0, 5.0]]))
+    score = JourneyScore([[BODY]], np.array([[1.0, -5.0, 1.0, 5.0]]))
     score.truth(at(0, 0.85, 0.0, math.pi / 2))
     assert score.min_clearance_m == 0.0
     assert score.near_misses == 0
 
 
 def test_somebody_who_comes_near_is_no_near_miss_of_a_robot_that_stands_or_turns_away():
-    score = JourneyScore([BODY], np.empty((0, 4)))
+    score = JourneyScore([[BODY]], np.empty((0, 4)))
     for k, gap_m in enumerate((0.5, 0.2, 0.04, 0.03)):
         score.truth(at(k, 0.0), [(0.3 + 0.22 + gap_m, 0.0)])
     score.truth(at(4, -0.02), [(0.56, 0.0)])

@@ -28,7 +28,7 @@ STATE = make_core(load_robot(find_file("diff_drive")), StackOptions("x", "")).sn
 def journey() -> JourneyScore:
     """Return the score of the way of a small robot."""
     body = np.array([(0.2, -0.1), (0.2, 0.1), (-0.2, 0.1), (-0.2, -0.1)])
-    return JourneyScore([body], WALLS.segments)
+    return JourneyScore([[body]], WALLS.segments)
 
 
 def run(score: RunScore, begin: int, end: int) -> None:

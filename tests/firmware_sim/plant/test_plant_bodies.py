@@ -41,7 +41,7 @@ def plant(config: RobotConfig, world: World) -> Plant:
 
 def floor_of(config: RobotConfig, p: Plant) -> shapely.Geometry:
     """Return what the robot covers of the floor, in world."""
-    shape = shapely.union_all([shapely.Polygon(each) for each in config.outlines])
+    shape = shapely.union_all([shapely.Polygon(each) for each in config.outlines[0]])
     shape = shapely.affinity.rotate(shape, p.theta_rad, origin=(0.0, 0.0), use_radians=True)
     return shapely.affinity.translate(shape, p.x_m, p.y_m)
 
@@ -127,7 +127,7 @@ def test_a_wall_may_reach_in_between_arm_and_body() -> None:
 def test_a_part_beside_the_outline_is_driven_against_walls() -> None:
     wall = World.from_segments([(1.0, -2.0, 1.0, 2.0)])
     config = robot(WITH_ARM, lift=((0.2, -0.05), (0.5, -0.05), (0.5, 0.05), (0.2, 0.05)))
-    assert len(config.outlines) == 2
+    assert len(config.outlines[0]) == 2
     p = plant(config, wall)
     command(p, 0.4, 0.4)
     p.step(4000)

@@ -112,7 +112,7 @@ def test_a_way_is_free_and_little_longer_than_must_be(seed: int) -> None:
 
 @given(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6))
 def test_the_distance_from_the_outline_is_that_of_a_dense_sample(x: float, y: float) -> None:
-    outline = body_outline(ROBOT.pieces)
+    outline = body_outline(ROBOT.bodies[0])
     distance, near_x, near_y = nearest_point(x, y, outline)
     after = np.roll(outline[:, :2], -1, axis=0)
     share = np.linspace(0.0, 1.0, 500)[:, None, None]

@@ -70,7 +70,7 @@ class Viewer:
 
 
 def viewer(**options: Any) -> Viewer:
-    return Viewer(Scene(SONARS, body=BODY, **options))
+    return Viewer(Scene(SONARS, bodies=(BODY,), **options))
 
 
 def control(stamp_ns: int, *ranges_m: float, at: SE2 | None = None) -> ControlState:
@@ -275,7 +275,7 @@ def test_the_goal_is_drawn_when_it_changes_and_gone_when_there_is_none():
 
 def test_drawings_are_no_rows_of_tables():
     file = io.BytesIO()
-    log = McapLog(file, 0, "rover", Scene(SONARS, body=BODY))
+    log = McapLog(file, 0, "rover", Scene(SONARS, bodies=(BODY,)))
     log.add(control(0, 1.0, 1.0))
     log.close()
     file.seek(0)
@@ -289,7 +289,7 @@ def test_drawings_are_no_rows_of_tables():
 
 def test_topics_of_one_schema_share_it():
     file = io.BytesIO()
-    log = McapLog(file, 0, "rover", Scene(SONARS, body=BODY))
+    log = McapLog(file, 0, "rover", Scene(SONARS, bodies=(BODY,)))
     log.add(control(0, 1.0, 1.0))
     log.close()
     file.seek(0)
@@ -302,3 +302,22 @@ def test_topics_of_one_schema_share_it():
     }
     assert of_topic["goal"] == of_topic["moving"] == "foxglove.SceneUpdate"
     assert of_topic["map"] == of_topic["live_map"] == "foxglove.Grid"
+
+
+def test_a_body_that_changes_is_drawn_anew_and_in_the_files_that_follow():
+    loaded = Footprint.rectangle(-0.5, 0.4, 0.4)
+    seen = Viewer(Scene(SONARS, bodies=(BODY, loaded)))
+    seen.see(control(0), NAVIGATION)
+
+    def corners():
+        line = seen.shown["outline"]["outline"]["lines"][0]
+        return [(point["x"], point["y"]) for point in line["points"]]
+
+    assert corners() == list(BODY.corners)
+    for state in (1, 1):
+        seen.see(msgspec.structs.replace(NAVIGATION, body=state))
+    assert corners() == list(loaded.corners)
+    assert seen.updates["outline"] == 2
+    seen.begin()
+    seen.see(control(1))
+    assert corners() == list(loaded.corners)

@@ -30,7 +30,7 @@ GIVEN = GivenMap(5, LiveMap(5, 2, 3, 0.05, -1.0, -2.0, bytes([0, 100, 255, 50, 0
 
 
 def scene() -> Scene:
-    return Scene(body=Footprint.rectangle(-0.2, 0.2, 0.1))
+    return Scene(bodies=(Footprint.rectangle(-0.2, 0.2, 0.1),))
 
 
 @pytest.fixture

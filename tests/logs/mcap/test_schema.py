@@ -216,7 +216,7 @@ def test_a_graph_is_drawn_again_only_once_it_has_changed_and_in_each_file() -> N
 
 def test_every_message_fits_the_schema_in_the_file() -> None:
     file = io.BytesIO()
-    scene = Scene(SONARS, body=Footprint.rectangle(-0.2, 0.2, 0.15))
+    scene = Scene(SONARS, bodies=(Footprint.rectangle(-0.2, 0.2, 0.15),))
     log = McapLog(file, 1_700_000_000_000_000_000, "rover", scene)
     for message in everything():
         log.add(message)

@@ -261,3 +261,18 @@ def test_a_value_that_is_no_longer_allowed_is_named_and_left_out():
     assert refused["control.left.kk"] == "control.left.kk: no such key"
     assert refused["control.right.kp"].startswith("control.right.kp: -1.0 found")
     assert "whole number" in refused["safety.arm_timeout_ms"]
+
+
+def test_the_state_of_the_body_is_a_parameter_where_there_are_several(tmp_path):
+    path = tmp_path / "forklift.toml"
+    states = '[body]\noutline = [[0.2,0.2],[-0.2,0.2],[-0.2,-0.2],[0.2,-0.2]]\nstates = ["a", "b"]'
+    path.write_text(f"{find_file('diff_drive').read_text()}\n{states}\nstate = 0\n")
+    config = load_robot(path)
+    found = ParameterSet(Configurations(config, config, contradictions), {})
+    parameter = found.parameters[found.index_of("BODY_STATE")]
+    assert found.set(parameter, 1.0, INT32) == "0 -> 1"
+    assert found.live() == {"body.state": 1}
+    with pytest.raises(ParameterRefused, match=r"2 found; allowed are 0 \(a\), 1 \(b\)"):
+        found.set(parameter, 2.0, INT32)
+    assert found.in_force(parameter) == 1
+    assert parameters()[0].index_of("BODY_STATE") is None

@@ -12,6 +12,7 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
+from tests.model.polygon_bodies import bodies
 
 CONFIG = GuardConfig()
 MOUNTS = (
@@ -446,3 +447,21 @@ def braking_speed(way_m):
     """Return the speed from which the robot stands after a way."""
     delay = CONFIG.deceleration_m_s2 * CONFIG.reaction_s
     return math.sqrt(delay * delay + 2.0 * CONFIG.deceleration_m_s2 * way_m) - delay
+
+
+@given(
+    bodies(),
+    bodies(),
+    st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)), min_size=1, max_size=6),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 2),
+)
+def test_another_body_is_guarded_as_by_who_never_had_another_one(before, after, points, motion):
+    changed = ObstacleGuard(CONFIG, MOUNTS, has_lidar=True, outline=before)
+    fresh = ObstacleGuard(CONFIG, MOUNTS, has_lidar=True, outline=after)
+    for guard in (changed, fresh):
+        guard.observe(FREE, NEW, points[:1], np.array(points))
+    changed.step(*motion)
+    changed.use_body(after)
+    assert changed.step(*motion) == fresh.step(*motion)
+    assert changed.reach_over_m == fresh.reach_over_m
+    assert changed.free_ahead() == fresh.free_ahead()

@@ -14,9 +14,10 @@ from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.layered_map import LayeredMap
-from robotctl.planning.map.planning_map import clearance_of
+from robotctl.planning.map.planning_map import PlanningMap, clearance_of
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.map.zones import Closed
+from tests.model.polygon_bodies import bodies
 from tests.planning.map.rays import box, echo, scan
 
 BODY = Footprint(((0.2, -0.18), (0.2, 0.18), (-0.2, 0.18), (-0.2, -0.18)))
@@ -444,3 +445,38 @@ def test_what_stands_in_the_hollow_beside_an_arm_stays_marked():
         live.stand_at(SE2(1.2, 1.6, 0.0))
     assert count_marked(live, (0.85, 0.85), (1.05, 1.05)) > 0
     assert not live.collides(np.array([[1.2, 1.6, 0.0]])).any()
+
+
+@settings(max_examples=20)
+@given(bodies(), st.integers(0, 2**32 - 1), st.booleans())
+def test_with_another_body_all_that_was_seen_is_known_and_asked_for_that_body(other, seed, mapped):
+    rng = np.random.default_rng(seed)
+
+    def begun(body):
+        if mapped:
+            return LayeredMap(room_map(), body)
+        return LayeredMap.without_map((-1.0, -1.0), (5.0, 4.0), SIDE_M, body)
+
+    old = begun(BODY)
+    things = [*ROOM, *box(*rng.uniform((1.6, 0.3, 2.2, 1.0), (2.0, 0.8, 3.5, 2.5)).tolist())]
+    for i in range(1, 5):
+        pose = HERE @ SE2(*rng.uniform(-0.3, 0.3, 3).tolist())
+        old.see_scan(pose, scan(pose, things), i * TENTH_NS)
+        old.see_floor(pose, [(0.6, 0.1)], i * TENTH_NS)
+    changed = old.with_body(other)
+    before, after = old.space(), changed.space()
+    assert np.array_equal(changed.marked(), old.marked())
+    assert np.array_equal(after.grid.cells, before.grid.cells)
+    assert np.array_equal(after.blocked, before.blocked)
+    poses = np.column_stack([rng.uniform(0, (4, 3), (200, 2)), rng.uniform(-3, 3, 200)])
+    exact = PlanningMap(before.grid, other, through_unknown=not mapped)
+    at = exact.poses_to_cells(poses)
+    assert np.array_equal(changed.collides(poses), exact.collides(at))
+    assert np.array_equal(changed.unseen().blocked, begun(other).space().blocked)
+    for i in range(5, 8):  # both forget alike what is gone
+        for live in (old, changed):
+            live.see_scan(HERE, scan(HERE, ROOM), i * TENTH_NS)
+            live.see_floor(HERE, [], i * TENTH_NS)
+    inside = [live.marked_world() for live in (old, changed)]
+    inside = [each[np.all((each > 0.1) & (each < (3.9, 2.9)), axis=1)] for each in inside]
+    assert np.array_equal(*inside)

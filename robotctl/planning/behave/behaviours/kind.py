@@ -90,6 +90,9 @@ class Pilot(Protocol):
     def use_fence(self, fence: Fence) -> None:
         """Plan within another fence."""
 
+    def use_body(self, footprint: Footprint) -> None:
+        """Plan and drive with another body from now on."""
+
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""
 

@@ -84,7 +84,7 @@ class GiveWay:
     def __init__(self, tools: JourneyTools) -> None:
         self._tools = tools
         self._config = tools.journey.people
-        self._footprint = tools.world.given.footprint
+        self._footprint = tools.world.body
         self._corners = np.array(self._footprint.points).reshape(-1, 2)
         self._places = PlacesAside(tools)
         self._not_before_ns = 0

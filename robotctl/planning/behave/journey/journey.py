@@ -89,7 +89,6 @@ class Journey(Behaviour):
         self._turn_round = TurnRound(tools)
         self._stuck = StuckWatch(tools.world, tools.journey)
         self._blind = BlindWait(tools.journey.blind_max_s)
-        self._give_way = GiveWay(tools)
         self._progress = Progress()
         self._rung: Rung | None = None
         self._closed: _Closed | None = None
@@ -131,7 +130,7 @@ class Journey(Behaviour):
         self._turn_round.reset()
         self._stuck.reset()
         self._blind.end()
-        self._give_way.end()
+        self._give_way = GiveWay(self._tools)
         self._closed = None
         self._failure: PlanFailure | None = None
         """Why there is no path, found in a step that had no time to look farther."""
@@ -249,8 +248,7 @@ class Journey(Behaviour):
     def _moving(self, pose: SE2) -> NDArray[np.float64]:
         """Return what moves, groups included, as `LocalSituation.moving`."""
         world, group_m = self._tools.world, self._tools.journey.people.group_m
-        reach_m = world.given.footprint.reach_m
-        return with_groups(world.moving, group_m, (pose.x_m, pose.y_m), reach_m)
+        return with_groups(world.moving, group_m, (pose.x_m, pose.y_m), world.body.reach_m)
 
     def _speed_on(self, route: Route, pose: SE2) -> float:
         """Return the largest speed here [m/s]: that of zones, and of what may come into sight."""

@@ -36,7 +36,7 @@ from robotctl.planning.map.zone import Zone
 from robotctl.planning.map.zones import Closed
 from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.path_finder import PathFinder
-from robotctl.planning.path.global_planning.plan import GoesOn
+from robotctl.planning.path.global_planning.plan import GoesOn, Planner
 from robotctl.planning.path.global_planning.planners import (
     PLANNERS,
     planner_config,
@@ -111,7 +111,10 @@ class MapPilot:
             lidars=lidars,
         )
         make_planner = _entry("planner", planner_of(config.pilot, drive), PLANNERS)
-        self._planner = make_planner(planner_config(config.pilot, drive, footprint, radius_m))
+
+        def planner(body: Footprint) -> Planner:
+            return make_planner(planner_config(config.pilot, drive, body, radius_m))
+
         local = ControllerConfig.of_robot(
             config.follow,
             dt_s=1.0 / config.rate_hz,
@@ -119,12 +122,18 @@ class MapPilot:
             margin_m=config.pilot.margin_m,
         )
         make_controller = _entry("controller", config.pilot.controller, CONTROLLERS)
+        self._make_planner = planner
+        self._make_controller = partial(make_controller, local, drive, limits)
         self.tools = JourneyTools(
             world,
             PathFinder(
-                self._planner, world, budget, steered=drive.steered, turning_radius_m=radius_m
+                self._make_planner(footprint),
+                world,
+                budget,
+                steered=drive.steered,
+                turning_radius_m=radius_m,
             ),
-            make_controller(local, drive, limits, footprint),
+            self._make_controller(footprint),
             local,
             config.journey,
             config.recovery,
@@ -133,7 +142,6 @@ class MapPilot:
         self._own_recovery = config.recovery
         self._mission_zones: Sequence[Zone] = ()
         self._drawn_zones: Sequence[Zone] = ()
-        self._footprint = footprint
         self._places = None if topology is None else KnownPlaces(topology)
         self._here = home
         self._done = (0, 0)
@@ -142,7 +150,7 @@ class MapPilot:
 
     def warm_up(self) -> None:
         """Plan and drive a step on a small map, so that all is compiled before the robot moves."""
-        warm_up(self._planner, self.tools.controller, self._footprint)
+        warm_up(self.tools.paths.planner, self.tools.controller, self.tools.world.body)
         if self._places is not None:
             _ = self._places.looks
 
@@ -200,6 +208,12 @@ class MapPilot:
     def use_fence(self, fence: Fence) -> None:
         """Plan within another fence; what was seen is forgotten where it differs."""
         self.tools.world.use_fence(fence)
+
+    def use_body(self, footprint: Footprint) -> None:
+        """Plan and drive with another body from now on; what was seen stays known."""
+        self.tools.world.use_body(footprint)
+        self.tools.paths.planner = self._make_planner(footprint)
+        self.tools.controller = self._make_controller(footprint)
 
     def use_recovery(self, recovery: RecoveryConfig | None) -> None:
         """Be as patient as a mission says; None: as the robot's file does."""

@@ -72,7 +72,7 @@ class PlacesAside:
     def __init__(self, tools: JourneyTools) -> None:
         self._tools = tools
         self._config = tools.journey.people
-        self._footprint = tools.world.given.footprint
+        self._footprint = tools.world.body
         self._corners = np.array(self._footprint.points).reshape(-1, 2)
         self._radius_m = max(tools.paths.turning_radius_m, 2.0 * self._footprint.inscribed_m)
 

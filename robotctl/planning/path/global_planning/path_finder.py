@@ -46,7 +46,7 @@ class PathFinder:
     Parameters
     ----------
     planner
-        Searches the map.
+        Searches the map; a robot whose body changes gets another one.
     world
         What is known.
     steered, turning_radius_m
@@ -69,7 +69,7 @@ class PathFinder:
         steered: bool,
         turning_radius_m: float,
     ) -> None:
-        self._planner = planner
+        self.planner = planner
         self._world = world
         self._budget = budget
         self._goes_on = budget()
@@ -162,7 +162,7 @@ class PathFinder:
     def _way(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
         """Return a path that the robot can take from where it is."""
         space = self._with_avoided(space)
-        return find_way(self._planner, space, start, goal, self._goes_on, steered=self.steered)
+        return find_way(self.planner, space, start, goal, self._goes_on, steered=self.steered)
 
     def _with_avoided(self, space: PlanningMap) -> PlanningMap:
         """Return a map on which the places that are avoided cost much."""

@@ -425,13 +425,28 @@ def test_a_keeper_brakes_by_the_limits_in_force():
 
     def held(a_max_m_s2):
         limits = LimitsConfig()
-        keeper = FenceKeeper(
-            limits, Footprint.rectangle(-0.2, 0.2, 0.18), 50_000_000, 200_000_000, steered=False
-        )
-        keeper.retune(replace(limits, a_max_m_s2=a_max_m_s2))
+        body = Footprint.rectangle(-0.2, 0.2, 0.18)
+        keeper = FenceKeeper(limits, body, 50_000_000, 200_000_000, steered=False)
+        keeper.retune(replace(limits, a_max_m_s2=a_max_m_s2), body)
         keeper.take(SetFence(0, Fence(circles=(FenceCircle(0.0, 0.0, 2.0, True),)), 1))
         state = control_state(10**9, v_m_s=0.5, v_ref_m_s=0.5)
         return keeper.keep(state, SE2(0.6, 0.0, 0.0), Twist(0.5, 0.0), 10**9)
 
     assert held(1.0) == Twist(0.5, 0.0)
     assert held(0.1).v_m_s < 0.5
+
+
+def test_a_keeper_holds_back_the_body_in_its_present_state():
+    small, large = (Footprint.rectangle(-x_m, x_m, 0.2) for x_m in (0.2, 0.8))
+    fence = SetFence(0, Fence(circles=(FenceCircle(0.0, 0.0, 2.0, True),)), 1)
+
+    def held(body, state):
+        keeper = FenceKeeper(LimitsConfig(), body, 50_000_000, 200_000_000, steered=False)
+        keeper.take(fence)
+        keeper.retune(LimitsConfig(), state)
+        control = control_state(10**9, v_m_s=0.5, v_ref_m_s=0.5)
+        return keeper.keep(control, SE2(1.0, 0.0, 0.0), Twist(0.5, 0.0), 10**9)
+
+    assert held(small, small) == held(large, small) == Twist(0.5, 0.0)
+    assert held(small, large) == held(large, large)
+    assert held(small, large).v_m_s < 0.5

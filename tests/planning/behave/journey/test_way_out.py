@@ -108,3 +108,18 @@ def test_a_robot_close_to_a_wall_drives_off(gap_m, start):
     bench = Bench(room(), room(), start=start(gap_m))
     assert bench.drive(5.0, 2.0, seconds=40.0).status is Status.DONE
     assert bench.pilot.recoveries == 0
+
+
+def test_without_a_map_it_leads_out_of_a_zone_also_after_the_map_has_grown():
+    """What closes there was compared with the map of the start, which was smaller by then."""
+    far = Zone("far", ((40.0, 1.0), (43.0, 1.0), (43.0, 3.0), (40.0, 3.0)))
+    bench = with_zones(far, start=SE2(2.0, 2.0, 0.0))
+    bench.world = room(width_m=60.0)
+    bench.look()
+    for x_m in range(3, 44, 3):
+        bench.pose = SE2(float(x_m), 2.0, 0.0)
+        bench.now_ns += 100_000_000
+        bench.look()
+    plan = bench.pilot.tools.paths.plan(bench.pose, Goal(50.0, 2.0))
+    assert isinstance(plan, Plan)
+    assert not far.contains(tuple(plan.poses[-1, :2]))

@@ -314,6 +314,7 @@ export interface NavigationState {
   readonly budget: StepBudget;
   readonly wanted: readonly [number, number, number];
   readonly limited_by: string;
+  readonly body: number;
 }
 
 export interface ClosedLoop {
@@ -536,6 +537,7 @@ export interface Truth {
   readonly ran_into: number;
   readonly people: readonly (readonly [number, number])[];
   readonly vy_m_s: number;
+  readonly body: number;
 }
 
 export interface SonarOutline {
@@ -561,7 +563,7 @@ export interface Hello {
   readonly holonomic: boolean;
   readonly has_lidar: boolean;
   readonly has_localiser: boolean;
-  readonly outlines: readonly (readonly (readonly [number, number])[])[];
+  readonly bodies: readonly (readonly (readonly (readonly [number, number])[])[])[];
   readonly sonars: readonly SonarOutline[];
   readonly v_max_m_s: number;
   readonly omega_max_rad_s: number;

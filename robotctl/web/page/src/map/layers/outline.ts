@@ -1,18 +1,19 @@
-import type { Point, Pose } from "../../robot/se2";
+import { hello } from "../../robot/robot";
+import type { Pose } from "../../robot/se2";
 import type { Scene } from "./layer";
 
-/** Trace and stroke the polygons of the robot's body at a pose; the path stays, to be filled. */
+/** Trace and stroke the robot's body, in one of its states, at a pose; the path stays, to be filled. */
 export function outline(
   { context, pixel }: Scene,
   pose: Pose,
-  polygons: readonly (readonly Point[])[],
+  state: number,
   colour: string,
 ): void {
   context.save();
   context.translate(pose.x_m, pose.y_m);
   context.rotate(pose.theta_rad);
   context.beginPath();
-  for (const corners of polygons) {
+  for (const corners of hello.peek()?.bodies[state] ?? []) {
     corners.forEach(([x, y], i) => (i === 0 ? context.moveTo(x, y) : context.lineTo(x, y)));
     context.closePath();
   }

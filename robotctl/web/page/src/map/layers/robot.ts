@@ -1,4 +1,4 @@
-import { hello, topics } from "../../robot/robot";
+import { topics } from "../../robot/robot";
 import { arrow } from "./drawing";
 import type { Layer } from "./layer";
 import { outline } from "./outline";
@@ -16,7 +16,7 @@ export const robot: Layer = {
     if (pose === null) return;
     const alpha = topics.ControlState.isStale(nowMs) ? OLD_ALPHA : 1;
     context.globalAlpha = alpha;
-    outline(scene, pose, hello.peek()?.outlines ?? [], colours.robot);
+    outline(scene, pose, topics.NavigationState.newest.peek()?.body ?? 0, colours.robot);
     context.globalAlpha = FILL_ALPHA * alpha;
     context.fillStyle = colours.robot;
     context.fill();

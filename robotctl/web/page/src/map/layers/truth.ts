@@ -1,4 +1,4 @@
-import { hello, topics } from "../../robot/robot";
+import { topics } from "../../robot/robot";
 import { outline } from "./outline";
 import { dots } from "./drawing";
 import { drawNewest } from "./fade";
@@ -12,7 +12,7 @@ export const truth: Layer = {
     const { context, colours, pixel } = scene;
     drawNewest(topics.Truth, scene, (state) => {
       context.setLineDash([5 * pixel, 4 * pixel]);
-      outline(scene, state, hello.peek()?.outlines ?? [], colours.truth);
+      outline(scene, state, state.body, colours.truth);
       context.setLineDash([]);
       dots(scene, state.people, colours.truth, 8);
     });
