@@ -39,7 +39,7 @@ def test_the_distance_is_that_of_dense_points_from_the_rectangle(seed):
 def test_the_distance_of_any_body_is_what_shapely_says(body, seed):
     rng = np.random.default_rng(seed)
     sides = rng.uniform(-1.0, 1.0, (3, 4))
-    score = JourneyScore([[np.array(piece) for piece in body.bodies[0]]], sides)
+    score = JourneyScore([[np.array(piece) for piece in body.pieces]], sides)
     score.truth(at(0, 0.3, -0.2, 0.7))
     lines = shapely.MultiLineString([(each[:2], each[2:]) for each in sides.tolist()])
     shape = shapely.affinity.rotate(shape_of(body), 0.7, origin=(0, 0), use_radians=True)

@@ -97,6 +97,16 @@ def test_not_told_of_its_cart_it_hits_the_narrow_door(tmp_path: Path) -> None:
     assert [y_m > 2.4 for y_m in passed] == [False, False]
 
 
+def test_a_load_is_put_down_when_its_time_is_over(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(find_file("diff_drive").read_text() + BODY)
+    run = LockstepRun(SimOptions(tmp_path / "robot.toml", find_file("patrol", "missions")))
+    simulation = run.stack.simulation
+    simulation.faults.inject("body state=loaded duration=0.1")
+    assert simulation.truth().body == 1
+    simulation.advance(200_000_000)
+    assert simulation.truth().body == 0
+
+
 @pytest.mark.parametrize("state", ["lorded", "2"])
 def test_a_state_that_there_is_not_is_named_with_the_nearest(state: str, tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text(find_file("diff_drive").read_text() + BODY)

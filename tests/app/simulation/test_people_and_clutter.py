@@ -54,7 +54,7 @@ def test_the_goals_of_a_mission_stay_clear() -> None:
 
 @pytest.mark.parametrize("heading_rad", [0.0, math.pi / 2])
 def test_the_smallest_clearance_is_that_to_people_too(heading_rad: float) -> None:
-    journey = JourneyScore([BOX], np.empty((0, 4)))
+    journey = JourneyScore([[BOX]], np.empty((0, 4)))
     gap_m = 2.0 - (0.2 if heading_rad == 0.0 else 0.1) - RADIUS_M
     journey.truth(StampedPose(0, 1.0, 1.0, heading_rad), [(3.0, 1.0), (9.0, 1.0)])
     assert journey.min_clearance_m == pytest.approx(gap_m)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from firmware_sim.config.config import RobotConfig, load_robot
+from firmware_sim.config.outline import BodySection
 from firmware_sim.config.parameters import ImuMount
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults.catalogue import CATALOGUE
@@ -340,7 +341,7 @@ def test_a_default_that_does_not_fit_is_told_at_the_table(problems):
         pytest.param(robot, kind, id=f"{kind}-{robot.robot.name}")
         for robot in (DIFF, TRICYCLE, ACKERMANN)
         for kind in CATALOGUE
-        if (robot is DIFF or kind != "wheels_swapped") and kind != "drive_fault"
+        if (robot is DIFF or kind != "wheels_swapped") and kind not in {"drive_fault", "body"}
     ],
 )
 def test_every_fault_with_its_defaults_is_one_of_every_robot_that_has_what_it_exchanges(
@@ -348,6 +349,18 @@ def test_every_fault_with_its_defaults_is_one_of_every_robot_that_has_what_it_ex
 ):
     robot = dataclasses.replace(robot, imu=ImuMount(enabled=True))
     assert load(f'[[fault]]\nkind = "{kind}"\nat = 1', robot).faults
+
+
+def test_a_body_has_to_have_the_state_that_it_is_put_in(load, problems):
+    text = '[[fault]]\nkind = "body"\nstate = "loaded"\nat = 1'
+    assert problems(text) == [":2: fault[0].kind: the robot's file has no states in [body]"]
+    loaded = BodySection(DIFF.outline, states=("empty", "loaded"), state=0)
+    robot = dataclasses.replace(DIFF, body=loaded)
+    assert str(load(text, robot).faults[0]) == "body state=loaded"
+    (problem,) = problems(text.replace("loaded", "lodaed"), robot)
+    assert problem == (
+        ":3: fault[0].state: 'lodaed', allowed: empty, loaded; did you mean \"loaded\"?"
+    )
 
 
 @pytest.mark.parametrize(

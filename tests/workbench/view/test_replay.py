@@ -373,7 +373,7 @@ def test_arc_obstacles_moving_things_and_the_body_are_shown_where_the_log_has_th
         assert view["arc"] == arc.tobytes()
         assert view["obstacles"] == places.tobytes()
         assert view["moving"] == [[5.0, 4.0, 0.3, -0.1, 0.25]]
-        (body,) = client.hello["outlines"]
+        ((body,),) = client.hello["bodies"]
         assert sorted(map(tuple, body)) == sorted(set(corners) - {(0.4, 0.0)})
 
 
