@@ -73,8 +73,9 @@ NEVER_S = 1e9
 
 HELD_UP, PRESSED = "host_held_up", "emergency_stop"
 HOST_FAULTS = (HELD_UP, PRESSED)
-NOT_UNDER_WAY = ("wheels_swapped", "carried", "wheel_slipping")
-"""Nobody exchanges plugs then, and odometry is lost when the robot is carried or a wheel slips."""
+NOT_UNDER_WAY = ("wheels_swapped", "carried", "wheel_slipping", "body")
+"""Nobody exchanges plugs or loads then, and odometry is lost when the robot is carried or a wheel
+slips."""
 
 FAULTS = {name: kind for name, kind in CATALOGUE.items() if name not in NOT_UNDER_WAY}
 """All that may befall a robot under way."""
