@@ -57,7 +57,7 @@ def patched(text, diff):
 def extended(tmp_path_factory):
     """Return a folder with a copy of robotctl to which the page was applied."""
     folder = tmp_path_factory.mktemp("extended")
-    ignored = shutil.ignore_patterns("__pycache__", "*.png", "*.jpg")
+    ignored = shutil.ignore_patterns("compiled-*", "kernels-*", "*.png", "*.jpg")
     for name in COPIED:
         if (ROOT / name).is_dir():
             shutil.copytree(ROOT / name, folder / name, ignore=ignored)

@@ -4,6 +4,9 @@ The vcan part runs on this kernel where it has vcan and rights allow, else in th
 `tools/vcan-guest`: the whole under virtual time, a short smoke in real time. What the bus alone
 decides runs there alone, unless it is left out.
 
+What must be compiled first, is at once: kernels, the guest's kernel, and the tests themselves,
+which two workers would do both.
+
 Robots in real time leave half of the processors idle. Guests under virtual time take that half from
 the beginning on, and no more: nothing is late for them. Missions on simcan run beside nothing else:
 their navigation has no priority, and holds the robot when others leave it no processor for half a
@@ -41,6 +44,9 @@ LONG = tuple(f"hil_tests/test_{name}.py" for name in ("8_mission", "12_robot_fau
 
 MISSION_TESTS = tuple(f"hil_tests/test_{name}.py" for name in ("13_runs", "8_mission"))
 """Of whole runs, whose navigation has no priority. The longest come last: each worker gets one."""
+
+PREPARED = (*PYTEST, "-k", Path(__file__).stem)
+"""Loads all tests, so that their byte code is there, and runs those of this tool."""
 
 ON_SIMCAN = ("--bus", "simcan", "-n", "2")
 FAULT_ROWS = "hil_tests/test_12_robot_faults.py"
@@ -210,15 +216,28 @@ Begin: TypeAlias = Callable[..., Stage]
 """Begins a stage of a name with its commands."""
 
 
-def vcan_in_guests(begin: Begin) -> tuple[list[Outcome], Stage | None]:
-    """Prepare the guest, and begin all HIL tests in two of them, which have a processor each."""
-    # Booting once tells the guest's own failure (125) from that of tests.
-    ready = begin("vcan guest: kernel and boot", (sys.executable, GUEST, "true")).outcome()
-    if ready.result != PASSED:
-        return [ready], None
+def has_byte_code() -> bool:
+    """Return whether the tests were loaded before, so that little of them is to be compiled."""
+    return any((ROOT / "tests" / "__pycache__").glob("conftest.*.pyc"))
+
+
+def prepare(begin: Begin, in_guest: bool) -> list[Outcome]:
+    """Compile side by side what all stages need; the last outcome is that of the guest."""
+    # What two workers would compile side by side, within the time limit of a test.
+    begun = [begin("kernels", (sys.executable, "-m", "robotctl", "compile"))]
+    if not has_byte_code():
+        begun.append(begin("byte code of the tests", PREPARED))
+    if in_guest:
+        # Booting once tells the guest's own failure (125) from that of tests.
+        begun.append(begin("vcan guest: kernel and boot", (sys.executable, GUEST, "true")))
+    return [stage.outcome() for stage in begun]
+
+
+def vcan_in_guests(begin: Begin) -> tuple[list[Outcome], Stage]:
+    """Try the guest, and begin all HIL tests in two of them, which have a processor each."""
     tool = begin("vcan guest: the tool's own tests", (*PYTEST, "tests/guest")).outcome()
     guest = (sys.executable, GUEST)
-    return [ready, tool], begin(
+    return [tool], begin(
         "HIL on vcan, two guests, virtual time, in the background",
         (*guest, *PYTEST, *LONG, *ON_VCAN),
         (*guest, *PYTEST, *DRIVERS, *(file for file in HIL if file not in LONG), *ON_VCAN),
@@ -232,12 +251,12 @@ def stages(wanted: str, begin: Begin) -> list[Outcome]:
     def run(name: str, *commands: tuple[str, ...]) -> Outcome:
         return begin(name, *commands).outcome()
 
-    # What two workers would compile side by side, within the time limit of a test.
-    outcomes = [run("kernels", (sys.executable, "-m", "robotctl", "compile"))]
     here, guests = wanted != "off" and vcan_here(), None
-    if wanted != "off" and not here:
-        prepared, guests = vcan_in_guests(begin)
-        outcomes += prepared
+    in_guest = wanted != "off" and not here
+    outcomes = prepare(begin, in_guest)
+    if in_guest and outcomes[-1].result == PASSED:
+        tried, guests = vcan_in_guests(begin)
+        outcomes += tried
     outcomes += [
         # One worker makes a file's costly fixtures, and never two a robot of the same file.
         run("unit tests", (*PYTEST, "-n", "2", "--dist", "loadfile")),

@@ -34,6 +34,8 @@ _LINKS = {"fd": "self/fd", "stdin": "self/fd/0", "stdout": "self/fd/1", "stderr"
 # The consoles that the host side connects to its standard output and standard error.
 _OUTPUT_CONSOLES = ("/dev/tty1", "/dev/tty2")
 _POWER_OFF = 0x4321FEDC
+_BIND = 0x1000
+_PROCESSOR = "/proc/cpuinfo"
 
 
 def mount_all(libc: ctypes.CDLL) -> None:
@@ -46,6 +48,17 @@ def mount_all(libc: ctypes.CDLL) -> None:
     for name, target in _LINKS.items():
         if not Path("/dev", name).exists():
             Path("/dev", name).symlink_to(f"/proc/{target}")
+
+
+def tell_processor(libc: ctypes.CDLL, folder: Path) -> None:
+    """Let the guest call its processor what the host does, which it is.
+
+    By that, a program finds code that was compiled for it: else each process that has inner loops
+    would load numba instead of a library.
+    """
+    source = str(folder / "cpuinfo").encode()
+    if libc.mount(source, _PROCESSOR.encode(), None, _BIND, None) != 0:
+        raise OSError(f"{_PROCESSOR}: {os.strerror(ctypes.get_errno())}")
 
 
 def let_real_time_run() -> None:
@@ -140,6 +153,7 @@ def main() -> None:
     try:
         order = json.loads((folder / "order.json").read_text())
         mount_all(libc)
+        tell_processor(libc, folder)
         if order["environment"]["VCAN_GUEST"] == "virtual":
             let_real_time_run()
         set_link("lo", up=True)

@@ -50,6 +50,14 @@ def own_folder(tmp_path, monkeypatch):
     return folder
 
 
+def test_code_compiled_for_the_hosts_processor_is_the_guests_too():
+    told = "from native_kernels.library import _processor_lines; print(_processor_lines())"
+    here = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
+    there = guest(sys.executable, "-c", told)
+    assert "model name" in here.stdout
+    assert there.stdout == here.stdout
+
+
 @MODES
 def test_status_outputs_folder_and_environment_are_the_commands(mode, tmp_path, monkeypatch):
     monkeypatch.setenv("FROM_HERE", "a 'quoted' $value")

@@ -34,9 +34,15 @@ class Runs:
     """What was begun and awaited of all stages; the one named `fails` fails."""
 
     def __init__(
-        self, monkeypatch: pytest.MonkeyPatch, here: bool, fails: str = "", wanted: str = ""
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        here: bool,
+        fails: str = "",
+        wanted: str = "",
+        has_byte_code: bool = True,
     ) -> None:
         monkeypatch.setattr(run_tests, "vcan_here", lambda: here)
+        monkeypatch.setattr(run_tests, "has_byte_code", lambda: has_byte_code)
         self.log: list[str] = []
         self.commands: dict[str, tuple[tuple[str, ...], ...]] = {}
         self.in_background: list[str] = []
@@ -65,6 +71,15 @@ def test_without_vcan_all_runs_in_virtual_time_and_a_smoke_in_real_time(
     assert names[-1].startswith("HIL on vcan, two guests, virtual time")
 
 
+def test_what_is_compiled_first_is_compiled_at_once_and_awaited(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log = Runs(monkeypatch, here=False, has_byte_code=False).log
+    names = ["kernels", "byte code of the tests", "vcan guest: kernel and boot"]
+    assert log[:6] == [f"{what} {name}" for what in ("begin", "end") for name in names]
+    assert "begin byte code of the tests" not in Runs(monkeypatch, here=False).log
+
+
 def test_only_guests_in_virtual_time_run_beside_others(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = Runs(monkeypatch, here=False)
     (guests,) = runs.in_background
@@ -74,7 +89,7 @@ def test_only_guests_in_virtual_time_run_beside_others(monkeypatch: pytest.Monke
     assert runs.log.index("end vcan guest: the tool's own tests") < runs.log.index(
         f"begin {guests}"
     )
-    others = [line for line in runs.log if guests not in line]
+    others = [line for line in runs.log[4:] if guests not in line]  # behind what is compiled first
     assert [line.split()[0] for line in others] == ["begin", "end"] * (len(others) // 2)
 
 

@@ -42,7 +42,7 @@ def test_a_second_run_into_the_same_folder_numbers_on_and_touches_nothing(tmp_pa
 
 def test_each_log_of_a_folder_of_runs_has_the_truth_of_its_own_run(tmp_path: Path) -> None:
     for seed in (1, 2):
-        drive(seed=seed, max_seconds=4, record=tmp_path, overrides=("log.file_mb=0.03",))
+        drive(seed=seed, max_seconds=6, record=tmp_path, overrides=SMALL)
     first, second = sorted(tmp_path.glob("truth-*.tum"))
     begin = int(second.stem.removeprefix("truth-"))
     logs = sorted(tmp_path.glob("robot-*.mcap"))

@@ -69,15 +69,19 @@ def floor_regions(
         return region
 
     for cell in order[: np.count_nonzero(depths >= radius_m)].tolist():
-        known = [cell + step for step in steps if label[cell + step] >= 0]
-        if not known:
+        beside = [found for step in steps if (found := label[cell + step]) >= 0]
+        if not beside:
             label[cell] = len(parent)
             parent.append(len(parent))
             widest.append(flat[cell])
             continue
+        if beside.count(beside[0]) == len(beside):  # most cells: there is nothing to join
+            label[cell] = beside[0]
+            continue
         # Uphill: regions do not creep along each other's walls.
+        known = [cell + step for step in steps if label[cell + step] >= 0]
         label[cell] = label[max(known, key=flat.__getitem__)]
-        regions = sorted({root(label[each]) for each in known})
+        regions = sorted({root(each) for each in beside})
         for i, region in enumerate(regions):
             for other in regions[i + 1 :]:
                 a, b = root(region), root(other)

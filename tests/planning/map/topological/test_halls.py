@@ -56,6 +56,11 @@ def built(name):
     return grid, build(grid, RADIUS_M)
 
 
+@cache
+def at_origin(name):
+    return build(GridMap(cells_of(name), SIDE_M), RADIUS_M).map
+
+
 def room_m(grid):
     """Return how far each cell is from what is not free."""
     away = ndimage.distance_transform_edt(np.pad(grid.free(), 1))[1:-1, 1:-1]
@@ -130,7 +135,7 @@ def test_ways_by_places_are_nearly_the_shortest(name):
 def test_a_mirrored_or_turned_hall_has_its_places_mirrored_or_turned(name, change):
     cells = cells_of(name)
     size = np.array(cells.shape)[::-1] * SIDE_M
-    straight = build(GridMap(cells, SIDE_M), RADIUS_M).map
+    straight = at_origin(name)
     other = cells[:, ::-1] if change == "mirrored" else np.rot90(cells)
     places = build(GridMap(np.ascontiguousarray(other), SIDE_M), RADIUS_M).map
     assert len(places.places) == len(straight.places)
