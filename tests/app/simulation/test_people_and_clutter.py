@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from firmware_sim.world.people import RADIUS_M
+from firmware_sim.world.walking.walker import RADIUS_M
 from robotctl.app.scoring.journey_score import JourneyScore
 from robotctl.app.scoring.score import StampedPose
 from robotctl.app.simulation.lockstep import LockstepRun
