@@ -31,8 +31,10 @@ from robotctl.maps.world import find_world
 from robotctl.planning.behave.mission.mission_file import parse_mission
 
 DRIVES = ("diff_drive", "tricycle", "ackermann")
+HAVE_LIDAR = ("diff_drive",)
+"""Drives whose file has a lidar, so that they have one in every mission."""
 LIDAR_BEAMS = 360
-"""Gives a simulated robot a lidar; diff_drive has it."""
+"""Gives a simulated robot a lidar."""
 WORLDS = {
     "flat": (2.5, 8.0, 4),
     "office": (5.0, 14.0, 10),
@@ -111,7 +113,8 @@ class Case:
     @property
     def kind(self) -> str:
         """What it is counted with: manner, and sensor."""
-        return f"{self.manner}, {'lidar' if self.lidar else 'sonar'}"
+        has_lidar = self.lidar or self.drive in HAVE_LIDAR
+        return f"{self.manner}, {'lidar' if has_lidar else 'sonars'}"
 
 
 def world_file(world: str) -> Path:

@@ -39,6 +39,7 @@ def test_each_manner_is_in_each_world_among_as_many_people_as_asked_for(tmp_path
     assert len({(case.world, case.manner) for case in cases}) == 15
     assert {case.people for case in cases} <= {3, 4, 5, 6}
     assert len({case.people for case in cases}) > 1
+    assert cases[0].kind == "stubborn, lidar"
     options = cases[1].write(tmp_path)["options"]
     assert f"--people {cases[1].people} --manner evades --clutter 0" in options
 
