@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from firmware_sim.config.config import load_robot
@@ -225,3 +225,43 @@ def test_random_driving_does_collide_so_the_test_above_means_something() -> None
                 wander(p, rng)
             collisions += p.collisions
         assert collisions > 10
+
+
+@given(
+    st.sampled_from(sorted(ROBOTS)),
+    st.floats(-0.5, 0.5),
+    st.floats(-0.5, 0.5),
+    st.floats(-math.pi, math.pi),
+)
+@settings(max_examples=150)
+def test_who_passes_the_end_of_a_wall_and_is_off_it_touches_nothing(
+    name: str, x_m: float, y_m: float, heading_rad: float
+) -> None:
+    """A corner beyond the wall's line, past its end, is no corner within the wall."""
+    wall = np.array([[0.0, 0.0], [3.0, 0.0]])
+    p = plant(World.from_segments([wall.ravel()], (-2.0, 0.0, 0.0)), name)
+    corners = np.array(ROBOTS[name].simulation.body)
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    ring = corners @ np.array([[c, s], [-s, c]]) + (x_m, y_m)
+    share = np.linspace(0.0, 1.0, 60)[:, None, None]
+    sides = (ring + share * (np.roll(ring, -1, axis=0) - ring)).reshape(-1, 2)
+    gap_m = np.hypot(sides[:, 0] - np.clip(sides[:, 0], 0.0, 3.0), sides[:, 1]).min()
+    assume(gap_m > 0.01)
+    try:
+        p.place(x_m, y_m, heading_rad)
+    except SimulationError:  # the wall reaches in
+        return
+    command(p, 0.2, 0.2)
+    p.step(3)
+    assert p._b["contacts"] == 0
+    assert p.collisions == 0
+
+
+def test_a_corner_past_a_doors_jamb_is_not_in_the_wall() -> None:
+    """Found in a drive: the tricycle left a door of the office, 2.5 cm off its jamb."""
+    p = plant(load_world(CONFIGS / "worlds" / "office.toml"), "tricycle")
+    p.place(24.3231, 6.4957, -2.1833)
+    command(p, -0.2, -0.2)
+    p.step(50)
+    assert p._b["contacts"] == 0
+    assert p.collisions == 0
