@@ -11,16 +11,16 @@ import numpy as np
 
 
 class Manner(StrEnum):
-    """Manner in which somebody walks; `firmware_sim.world.walking.walkers` has a class for each."""
+    """Manner of walking; `firmware_sim.world.walking.walkers` has a walker for each."""
 
     STUBBORN = "stubborn"
-    """Follows a path at a steady speed and evades nobody."""
+    """Path at a steady speed; evades nobody."""
     EVADES = "evades"
-    """Follows a path, evades the robot, people and walls, and turns back where it is stuck."""
+    """Path, off the robot, people and walls; turns back where it is stuck."""
     WANDERS = "wanders"
-    """Changes direction and speed at random, stops, and looks at nobody."""
+    """Random directions, speeds and stops; looks at nobody."""
     RUNS = "runs"
-    """Runs in bursts with sudden turns and stops, like a child, and looks at nobody."""
+    """Bursts of running with sudden turns and stops, like a child; looks at nobody."""
 
 
 STUBBORN: Final = (Manner.STUBBORN,)

@@ -1,4 +1,4 @@
-"""Who follows a path and evades the robot, other people and walls."""
+"""Walkers who follow a path and evade the robot, other people and walls."""
 
 from __future__ import annotations
 

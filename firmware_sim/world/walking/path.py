@@ -1,4 +1,4 @@
-"""A closed path that somebody follows."""
+"""Closed path of a walker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who walks about at random: wanderers, and children who run."""
+"""Walkers who go about at random: wanderers, and children who run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PROBE_M: Final = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Habit:
-    """What somebody does at random; each pair is the least and the greatest."""
+    """Ranges of random speeds, times and turns; each pair is the least and the greatest."""
 
     goes_m_s: tuple[float, float]
     goes_s: tuple[float, float]
@@ -41,7 +41,7 @@ RUNNING: Final = Habit((1.5, 2.5), (0.4, 2.0), (0.2, 1.5), 0.4, 1.5, 0.3)
 
 
 class Roaming(Walker):
-    """Goes for a while in a direction at a speed, perhaps stands, and draws anew.
+    """Walker who goes for a while in a direction, perhaps stands, and draws anew.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class Roaming(Walker):
         )
 
     def ahead(self) -> Place:
-        """Return the place after a step; before a wall it draws anew and stands for the step."""
+        """Return the place after a step; before a wall the next draw begins with standing."""
         if self._stands_s > 0.0:
             self._next = self.place
             return self._next

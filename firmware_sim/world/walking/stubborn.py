@@ -1,4 +1,4 @@
-"""Who follows a path at a steady speed and evades nobody."""
+"""Walkers who follow a path at a steady speed and evade nobody."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Somebody who walks, whatever the manner."""
+"""Common base of all walkers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Mover(NamedTuple):
 
 
 class Walker(ABC):
-    """Somebody who walks in steps of `STEP_NS`.
+    """Person who walks in steps of `STEP_NS`.
 
     Attributes
     ----------

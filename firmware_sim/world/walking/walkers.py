@@ -20,7 +20,7 @@ from firmware_sim.world.world import World
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outset:
-    """What a walker begins with.
+    """Path, speed and room of a walker at the start.
 
     Attributes
     ----------
