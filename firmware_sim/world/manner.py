@@ -14,13 +14,13 @@ class Manner(StrEnum):
     """Manner of walking; `firmware_sim.world.walking.walkers` has a walker for each."""
 
     STUBBORN = "stubborn"
-    """Path at a steady speed; evades nobody."""
+    """Path at a steady speed, whoever is in the way."""
     EVADES = "evades"
     """Path, off the robot, people and walls; turns back where it is stuck."""
     WANDERS = "wanders"
-    """Random directions, speeds and stops; looks at nobody."""
+    """Random directions, speeds and stops, whoever is in the way."""
     RUNS = "runs"
-    """Bursts of running with sudden turns and stops, like a child; looks at nobody."""
+    """Bursts of running with sudden turns and stops, like a child."""
 
 
 STUBBORN: Final = (Manner.STUBBORN,)

@@ -41,7 +41,7 @@ RUNNING: Final = Habit((1.5, 2.5), (0.4, 2.0), (0.2, 1.5), 0.4, 1.5, 0.3)
 
 
 class Roaming(Walker):
-    """Walker who goes for a while in a direction, perhaps stands, and draws anew.
+    """Walker who goes for a while in a direction, perhaps stands, and draws again.
 
     Parameters
     ----------

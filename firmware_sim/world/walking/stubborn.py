@@ -1,4 +1,4 @@
-"""Walkers who follow a path at a steady speed and evade nobody."""
+"""Walkers who follow a path at a steady speed, whoever is in the way."""
 
 from __future__ import annotations
 
