@@ -37,6 +37,7 @@ from firmware_sim.nodes.node import NmtState
 from firmware_sim.pace import SharedClock
 from firmware_sim.parent import end_with_parent
 from firmware_sim.world.clutter import add_options, load_cluttered
+from firmware_sim.world.manner import STUBBORN, parse_manners
 from firmware_sim.world.publisher import Publisher
 from native_kernels.cache import cache_of
 from native_kernels.library import found_library
@@ -78,6 +79,13 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--seed", type=parse_natural, default=0, help="of all random draws (%(default)s)")
     add("--people", type=parse_natural, default=0, help="who walk about (%(default)s)")
+    add(
+        "--manner",
+        type=parse_manners,
+        default=STUBBORN,
+        metavar="NAME",
+        help="how they walk: stubborn, evades, wanders, runs, several with commas, or mixed",
+    )
     add_options(add)
     add("--start", type=parse_pose, metavar=POSE, help="instead of the world's start pose")
     add("--state", type=Path, metavar="DIR", help="keep stored parameters here")
@@ -202,6 +210,7 @@ def _run(options: argparse.Namespace, signals: _Signals) -> None:
         options.seed,
         state_directory=options.state,
         people=options.people,
+        manners=options.manner,
     )
     if options.lidar is not None and not simulation.config.simulation.lidars:
         raise SimulationError(f"--lidar: {options.robot} has no table [simulation.lidar]")

@@ -51,13 +51,16 @@ from firmware_sim.nodes.power import BatterySample, PowerNode
 from firmware_sim.nodes.power_stage import MotorAxis
 from firmware_sim.nodes.sonar import Ranges, SonarNode
 from firmware_sim.plant.axis import Mode
+from firmware_sim.plant.body_disc import body_disc
 from firmware_sim.plant.plant import STEP_NS, Plant
 from firmware_sim.sensors.imu import BodyMotion, Imu
 from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.sensors.sonar import SonarRing
-from firmware_sim.world.people import STEP_NS as PEOPLE_STEP_NS
+from firmware_sim.world.manner import STUBBORN, Manner
 from firmware_sim.world.people import People
 from firmware_sim.world.truth import Picture, Scan, Truth
+from firmware_sim.world.walking.walker import STEP_NS as PEOPLE_STEP_NS
+from firmware_sim.world.walking.walker import Mover
 from firmware_sim.world.world import World, load_world
 
 if TYPE_CHECKING:
@@ -101,6 +104,8 @@ class Simulation:
         Time at which the simulation starts [ns].
     people
         Number of people in addition to the world's.
+    manners
+        Manners in which these walk, in turn.
 
     Raises
     ------
@@ -119,6 +124,7 @@ class Simulation:
         faults: FaultPlan | None = None,
         start_ns: int = 0,
         people: int = 0,
+        manners: tuple[Manner, ...] = STUBBORN,
     ) -> None:
         config = load_robot(robot) if isinstance(robot, Path) else robot
         _check_names(config)
@@ -154,7 +160,8 @@ class Simulation:
         self._path = deque[tuple[int, float, float, float]]()
         """Times and poses of the last moments, if a lidar sweeps."""
         self._path_ns = max((round(1e9 * abs(each.sweep_s)) for each in lidars), default=0)
-        self._people = People(room, people, streams[6]) if people or room.people else None
+        is_lonely = not (people or room.people)
+        self._people = None if is_lonely else People(room, people, streams[6], manners)
         self._people_ns, self._motion_before = start_ns, self.plant.motion
         memory = _memory(state_directory)
         self.stores: dict[str, FragileStore] = {}
@@ -447,11 +454,18 @@ class Simulation:
     def _let_walk(self, people: People) -> None:
         """Let people walk, and connect them to plant and sensors."""
         before, self._motion_before = self._motion_before, self.plant.motion
-        people.step(self._people_ns, partial(self.plant.contact, motion=before))
+        people.step(self._people_ns, partial(self.plant.contact, motion=before), self._as_mover)
         self.plant.discs = people.discs
         self._ring.walls.moving = sides = people.sides
         for lidar in self._lidars:
             lidar.walls.moving = sides
+
+    def _as_mover(self) -> Mover:
+        """Return the robot as people who look see it."""
+        plant = self.plant
+        pose = plant.x_m, plant.y_m, plant.theta_rad
+        corners = [corner for piece in self.config.pieces for corner in piece]
+        return body_disc(corners, pose, plant.motion)
 
     def _step_plant(self, now_ns: int) -> int:
         steps = (now_ns - self._plant_ns) // STEP_NS

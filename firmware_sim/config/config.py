@@ -32,6 +32,7 @@ from firmware_sim.errors import SimulationError
 T = TypeVar("T")
 
 _KEY_FIRST = re.compile(r"([a-z]\w*(?:\.\w+)*): ")
+_QUOTED = re.compile(r"'([^']*)'")
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,6 +352,8 @@ def _problem(file: TomlFile, key: Key, item: Any, known: list[str]) -> tuple[Key
     else:
         rule = item["msg"].replace("Input should be", "must be")
         rule = rule.replace("String should match pattern", "must match")
+        if kind in {"enum", "literal_error"}:
+            hint = _hint(str(found), _QUOTED.findall(context["expected"]))
     return key, f"{rule}, found {reprlib.repr(found)}{hint}"
 
 

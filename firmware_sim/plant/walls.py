@@ -134,7 +134,7 @@ def wall_rows(
         while piece < len(outline):
             end = int(outline[piece, END])
             # Past the end of a wall, a piece may have corners on both sides of its line.
-            if end - piece == len(outline) or is_near(ax, ay, bx, by, ahead, outline, piece, end):
+            if is_near(ax, ay, bx, by, ahead, outline, piece, end):
                 count = corner_rows(
                     c.com_x, c.com_y, ax, ay, bx, by, length, ahead, outline, piece, rows, count
                 )

@@ -34,6 +34,7 @@ class FreeSpace:
         low_x, low_y, high_x, high_y = world.bounds
         area_m2 = (high_x - low_x) * (high_y - low_y)
         self._cell_m = max(CELL_M, math.sqrt(area_m2 / MOST_CELLS))
+        self._left_m, self._bottom_m = low_x, low_y
         self._low = np.array([low_x, low_y])
         shape = (
             math.ceil((high_y - low_y) / self._cell_m),
@@ -92,6 +93,13 @@ class FreeSpace:
             inside = 0 <= y < free.shape[0] and 0 <= x < free.shape[1]
             if inside and free[y, x] and free[row, x] and free[y, column]:
                 yield y, x
+
+    def is_free(self, place: tuple[float, float]) -> bool:
+        """Whether a place x, y [m] is in a free cell."""
+        column = math.floor((place[0] - self._left_m) / self._cell_m)
+        row = math.floor((place[1] - self._bottom_m) / self._cell_m)
+        rows, columns = self._free.shape
+        return 0 <= row < rows and 0 <= column < columns and bool(self._free[row, column])
 
     def way(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
         """Return the corners of a short path between two of `places`, (k, 2) [m], both included."""

@@ -1,28 +1,35 @@
-"""People who walk in a room and do not avoid the robot."""
+"""People who walk in a room, each in a manner, and who runs into whom."""
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
 
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.free_space import FreeSpace
+from firmware_sim.world.manner import STUBBORN, Manner, deal
+from firmware_sim.world.walking.walker import (
+    LOOK_S,
+    LOOK_STEPS,
+    RADIUS_M,
+    ROOM_M,
+    STEP_NS,
+    Mover,
+    Place,
+)
+from firmware_sim.world.walking.walkers import WALKERS, Outset
 from firmware_sim.world.world import World
-
-Place: TypeAlias = tuple[float, float]
-"""Place in world: x, y [m]."""
 
 Contact: TypeAlias = Callable[[Place, float], tuple[float, float]]
 """Maps a disc's middle in world and radius [m] to the robot's gap to it [m], and the robot's speed
 towards it before the step [m/s]."""
 
-RADIUS_M = 0.22
-ROOM_M = 0.08
-"""Clearance that people keep from walls [m]."""
+Robot: TypeAlias = Callable[[], Mover]
+"""Returns a disc that covers the robot."""
+
 SLOWEST_M_S, FASTEST_M_S = 0.5, 1.2
 FROM_START_M = 1.5
 """Minimum distance of a person from the robot at the start, if there is room for it [m]."""
@@ -37,52 +44,14 @@ STANDS_NS = 2_000_000_000
 PLACES = 6
 """Number of places that each person visits in turn."""
 SIDES = 12
-STEP_NS = 10_000_000
-
-
-class _Person:
-    """One person: a closed path, and the distance walked along it.
-
-    Paths are planned before a run begins, so that it never waits for them. `place` is where that
-    distance ends.
-    """
-
-    __slots__ = (
-        "_corners", "_lengths_m", "at_m", "place", "sign", "speed_m_s", "stands_ns", "touches",
-    )  # fmt: skip
-
-    def __init__(self, round_m: np.ndarray, speed_m_s: float) -> None:
-        lengths_m = np.hypot(*np.diff(round_m, axis=0).T).cumsum()
-        self._lengths_m: list[float] = [0.0, *lengths_m.tolist()]
-        self._corners: list[Place] = [(x, y) for x, y in round_m.tolist()]
-        self.speed_m_s = speed_m_s
-        self.at_m = 0.0
-        self.place = self.along(0.0)
-        self.sign = 1.0
-        self.stands_ns = 0
-        self.touches = False
-
-    def along(self, at_m: float) -> Place:
-        """Return a place on the path."""
-        lengths_m = self._lengths_m
-        whole_m = lengths_m[-1]
-        at_m = at_m % whole_m % whole_m  # twice: -1e-20 % 5.0 is 5.0
-        after = bisect_right(lengths_m, at_m)
-        side_m, into_m = lengths_m[after] - lengths_m[after - 1], at_m - lengths_m[after - 1]
-        (x, y), (next_x, next_y) = self._corners[after - 1], self._corners[after]
-        return (next_x - x) / side_m * into_m + x, (next_y - y) / side_m * into_m + y
-
-    @property
-    def next_m(self) -> float:
-        """Distance along the path after the next step [m]."""
-        return self.at_m + self.sign * self.speed_m_s * STEP_NS * 1e-9
 
 
 class People:
-    """Discs that walk at steady speeds, through each other.
+    """Discs that walk, each in a manner, through each other unless they evade.
 
-    They are the people of the world, on their paths, and others from place to place, round walls. A
-    person who touches the robot stands for two seconds, then turns round.
+    They are the people of the world, on their paths, and others, who walk from place to place round
+    walls or where they like. A person who touches the robot stands for two seconds, then turns
+    round.
 
     Parameters
     ----------
@@ -92,6 +61,8 @@ class People:
         Number of others, >= 0.
     rng
         Generator of speeds and places.
+    manners
+        Manners of the others, in turn.
 
     Raises
     ------
@@ -106,12 +77,27 @@ class People:
         Contacts that a person caused.
     """
 
-    def __init__(self, world: World, count: int, rng: np.random.Generator) -> None:
-        self._people = [
-            _Person(np.array([*each.points, each.points[0]]), each.speed_m_s)
-            for each in world.people
+    def __init__(
+        self,
+        world: World,
+        count: int,
+        rng: np.random.Generator,
+        manners: tuple[Manner, ...] = STUBBORN,
+    ) -> None:
+        # Generators of their own, so that no manner changes the paths that this one draws.
+        own, *streams = rng.spawn(1 + len(world.people) + count)
+        known = [
+            WALKERS[each.manner](
+                Outset(np.array([*each.points, each.points[0]]), each.speed_m_s, world, stream)
+            )
+            for each, stream in zip(world.people, streams, strict=False)
         ]
-        self._people += _walkers(world, count, rng) if count else ()
+        outsets = _outsets(world, rng, streams[len(known) :]) if count else []
+        manners_of = deal(manners, count, own)
+        others = (WALKERS[a](outset) for a, outset in zip(manners_of, outsets, strict=True))
+        self._people = [*known, *others]
+        self._seen = self.places_m
+        """Places at the last look."""
         self.hit = 0
         self.ran_into = 0
         angles = (np.arange(SIDES) + 0.5) * (2.0 * math.pi / SIDES)
@@ -135,16 +121,17 @@ class People:
         sides: np.ndarray = (self._sides + places[:, np.newaxis]).reshape(-1, 4)
         return sides
 
-    def step(self, now_ns: int, contact: Contact) -> None:
+    def step(self, now_ns: int, contact: Contact, robot: Robot | None = None) -> None:
         """Let `STEP_NS` pass until `now_ns`."""
+        if now_ns // STEP_NS % LOOK_STEPS == 0:
+            self._look(now_ns, robot)
         for person in self._people:
             before = person.place
             walks = now_ns >= person.stands_ns
             if walks:
-                ahead = person.along(person.next_m)
-                gap_m, _ = contact(ahead, RADIUS_M)
+                gap_m, _ = contact(person.ahead(), RADIUS_M)
                 if gap_m > 0.0:  # nobody walks into the robot
-                    person.at_m, person.place = person.next_m, ahead
+                    person.go()
             else:
                 gap_m, _ = contact(before, RADIUS_M)
             if gap_m > PARTED_M:
@@ -153,24 +140,47 @@ class People:
                 continue
             if walks and (gap_m <= 0.0 or not person.touches):
                 person.stands_ns = now_ns + STANDS_NS
-                person.sign = -person.sign
+                person.turn_round()
             if not person.touches:
                 person.touches = True
                 _, closing_m_s = contact(before, RADIUS_M)
                 self.hit += closing_m_s > CREEP_M_S
                 self.ran_into += closing_m_s <= CREEP_M_S
 
+    def _look(self, now_ns: int, robot: Robot | None) -> None:
+        """Let all who look choose what to do, by where everybody is now."""
+        if not any(each.looks for each in self._people):
+            return
+        places, seen = self.places_m, self._seen
+        movers = [
+            Mover(x, y, (x - was_x) / LOOK_S, (y - was_y) / LOOK_S, RADIUS_M, each.looks)
+            for each, (x, y), (was_x, was_y) in zip(self._people, places, seen, strict=True)
+        ]
+        self._seen = places
+        robots = () if robot is None else (robot(),)
+        for number, person in enumerate(self._people):
+            if person.looks and now_ns >= person.stands_ns:
+                person.look([*movers[:number], *movers[number + 1 :], *robots])
 
-def _walkers(world: World, count: int, rng: np.random.Generator) -> list[_Person]:
-    """Return people who walk from place to place."""
+
+def _outsets(
+    world: World, rng: np.random.Generator, streams: Sequence[np.random.Generator]
+) -> list[Outset]:
+    """Return what people who walk from place to place begin with."""
     space = FreeSpace(world, RADIUS_M + ROOM_M, world.start[:2])
     far = np.hypot(*(space.places - world.start[:2]).T) >= FROM_START_M
     begins = space.places[far] if far.any() else space.places
     if len(space.places) < PLACES:
         raise SimulationError(f"{world.name}: no room for people to walk")
     return [
-        _Person(_round(space, begins, rng), rng.uniform(SLOWEST_M_S, FASTEST_M_S))
-        for _ in range(count)
+        Outset(
+            _round(space, begins, rng),
+            rng.uniform(SLOWEST_M_S, FASTEST_M_S),
+            world,
+            stream,
+            space,
+        )
+        for stream in streams
     ]
 
 

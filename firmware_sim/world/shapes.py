@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from firmware_sim.config.quantities import NotNegative, Point, Positive, Real, closed
+from firmware_sim.world.manner import Manner
 
 Corner: TypeAlias = tuple[float, float]
 Colour: TypeAlias = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")]
@@ -189,10 +190,15 @@ class Marker:
 @closed
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Person who walks a closed path of `points` at a steady speed, over and over."""
+    """Person who walks, in a manner, a closed path of `points`, over and over.
+
+    Who roams, a wanderer or a child that runs, begins at the first point; the path is for the
+    others. `speed_m_s` is that of walking, of a wanderer the fastest; a child has its own.
+    """
 
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
     speed_m_s: Positive = 0.8
+    manner: Manner = Manner.STUBBORN
 
     def __post_init__(self) -> None:
         if any(a == b for a, b in itertools.pairwise((*self.points, self.points[0]))):

@@ -32,6 +32,9 @@ SPREAD_M: Final = 0.05
 MATCH_M: Final = 0.08
 """How well the change of range must match the distance driven backwards [m]."""
 
+MATCHING: Final = 0.8
+"""Least share of the readings that must match: the last alone may be an outlier."""
+
 READINGS: Final = 5
 """Readings a comparison needs; a fast robot drives farther than `travel_m` for them."""
 
@@ -40,10 +43,13 @@ CONTRADICTION_NS: Final = 2_000_000_000
 
 
 class _Track:
-    """Readings of one sonar since its comparison began; `sign` 1 looks ahead, -1 behind."""
+    """Readings of one sonar since its comparison began; `sign` 1 looks ahead, -1 behind.
 
-    __slots__ = ("began_ns", "contradicted_ns", "farthest_m", "first_m", "name", "nearest_m",
-                 "readings", "sign", "start")  # fmt: skip
+    `matching` counts those that match the way backwards.
+    """
+
+    __slots__ = ("began_ns", "contradicted_ns", "farthest_m", "first_m", "matching", "name",
+                 "nearest_m", "readings", "sign", "start")  # fmt: skip
 
     def __init__(self, name: str, sign: float) -> None:
         self.name = name
@@ -56,13 +62,18 @@ class _Track:
         self.began_ns = stamp_ns
         self.first_m = self.nearest_m = self.farthest_m = range_m
         self.start = start
-        self.readings = 1
+        self.readings = self.matching = 1
 
-    def add(self, range_m: float) -> None:
-        """Take another reading."""
+    def add(self, range_m: float, nearer_m: float) -> None:
+        """Take another reading, after driving `nearer_m` towards what the sonar sees [m]."""
+        self.matching += self.matches(range_m, nearer_m)
         self.nearest_m = min(self.nearest_m, range_m)
         self.farthest_m = max(self.farthest_m, range_m)
         self.readings += 1
+
+    def matches(self, range_m: float, nearer_m: float) -> bool:
+        """Whether a range has changed as if the robot had driven the other way."""
+        return abs(range_m - self.first_m - nearer_m) <= MATCH_M
 
 
 class SonarMonitor:
@@ -121,12 +132,12 @@ class SonarMonitor:
         if track.readings == 0 or not echoes or (turned and not same):
             track.begin(range_m, pose, stamp_ns)
             return None
-        track.add(range_m)
-        if turned:
-            return self._compare_in_bend(track, pose)
         ahead_m = (pose.x_m - start.x_m) * math.cos(start.theta_rad) + (
             pose.y_m - start.y_m
         ) * math.sin(start.theta_rad)
+        track.add(range_m, ahead_m * track.sign)
+        if turned:
+            return self._compare_in_bend(track, pose)
         if abs(ahead_m) < self._travel_m or track.readings < READINGS:
             return None
         fault = self._judge(track, range_m, ahead_m * track.sign, stamp_ns)
@@ -152,7 +163,8 @@ class SonarMonitor:
             return Fault(FaultCode.WHEELS_SLIP, text, track.name)
         if spread_m == 0.0:
             return _stuck(track)
-        if abs(range_m - track.first_m - nearer_m) <= MATCH_M:
+        is_match = track.matches(range_m, nearer_m)
+        if is_match and track.matching >= MATCHING * track.readings:
             track.contradicted_ns = stamp_ns
             return self._contradiction(track.began_ns, stamp_ns)
         return None

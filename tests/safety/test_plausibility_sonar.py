@@ -381,6 +381,29 @@ def test_the_bound_of_the_fit_is_8_cm_itself() -> None:
         assert said == (BACKWARDS if fits else "")
 
 
+@pytest.mark.parametrize("wrong", [1, 5, 8])
+def test_one_false_echo_behind_while_somebody_walks_away_ahead_is_no_reversed_motion(
+    wrong: int,
+) -> None:
+    drive = Drive()
+    for number in range(9):
+        moved_m = number * STEP_M
+        behind = 3.0 - TRAVEL_M if number == wrong else 3.0 + moved_m
+        step_m = STEP_M if number else 0.0
+        assert drive.see(1.0 + moved_m, INF, behind, INF, step_m=step_m) == ""
+
+
+@pytest.mark.parametrize("wrong", [1, 5, 7])
+def test_one_false_echo_does_not_hide_reversed_motion(wrong: int) -> None:
+    drive, said = Drive(), ""
+    for number in range(9):
+        moved_m = number * STEP_M
+        behind = 1.5 if number == wrong else 3.0 - moved_m
+        step_m = STEP_M if number else 0.0
+        said = drive.see(1.0 + moved_m, INF, behind, INF, step_m=step_m)
+    assert said == BACKWARDS
+
+
 @pytest.mark.parametrize(("apart_ns", "together"), [(2000 * MS - 1, True), (2000 * MS, False)])
 def test_front_and_rear_must_contradict_within_two_seconds(apart_ns: int, together: bool) -> None:
     drive = Drive(start_ns=10**12)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_sim.config.config import RobotConfig as SimulatedRobot
-from firmware_sim.world.people import RADIUS_M
+from firmware_sim.world.walking.walker import RADIUS_M
 from firmware_sim.world.world import World
 from robotctl.app.scoring.best_path import Best, best_path
 from robotctl.app.scoring.outline import outline_distance

@@ -123,6 +123,7 @@ class LockstepRun:
             (start.x_m, start.y_m, start.theta_rad),
             options.overrides,
             options.people,
+            options.manners,
         )
         self.stack = LockstepStack(self.config, stack, simulation, self._hear)
         play(self._scenario, simulation.faults, self._faults.append)

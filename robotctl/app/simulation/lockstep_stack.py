@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from firmware_sim.bus.frame import BIT_RATE_SWITCH_FLAG, ERROR_STATE_FLAG, FD_FLAG, Frame
 from firmware_sim.bus.state import FdSupport
 from firmware_sim.errors import SimulationError
+from firmware_sim.world.manner import STUBBORN, Manner
 from firmware_sim.world.world import World
 from robotctl.app.processes.robot import make_codec, make_core, make_parts
 from robotctl.app.simulation.simulator_files import SimulatorError, simulated_robot
@@ -167,6 +168,7 @@ def make_simulation(
     start: tuple[float, float, float] | None,
     overrides: Sequence[str] = (),
     people: int = 0,
+    manners: tuple[Manner, ...] = STUBBORN,
 ) -> Simulation:
     """Return the simulated robot in its world, compiled and ready.
 
@@ -181,7 +183,7 @@ def make_simulation(
         # Loading numba takes a second, which `robotctl --help` need not wait for.
         from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
-        simulation = Simulation(simulated, world, seed, start, people=people)
+        simulation = Simulation(simulated, world, seed, start, people=people, manners=manners)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
     simulation.warm()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,13 @@ import typer
 from robotctl.errors import ConfigError
 
 if TYPE_CHECKING:
+    from firmware_sim.world.manner import Manner
     from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 
 OWN_BUS: Final = "simcan"
 """The default bus."""
+STUBBORN: Final = "stubborn"
+"""The default manner of people."""
 
 
 def _scenario(name: str) -> Path:
@@ -32,7 +36,7 @@ class SimOptions:
     Raises
     ------
     ConfigError
-        If there can be no such bus.
+        If there can be no such bus, no such manner, or nobody for it.
     """
 
     robot: Path
@@ -62,8 +66,15 @@ class SimOptions:
         ),
     ] = None
     people: Annotated[
-        int, typer.Option(min=0, help="How many people walk about, who do not evade the robot.")
+        int, typer.Option(min=0, help="How many people walk about, as --manner says.")
     ] = 0
+    manner: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME,...",
+            help="How they walk: stubborn (they evade nobody), evades, wanders, runs, or mixed.",
+        ),
+    ] = STUBBORN
     clutter: Annotated[
         int,
         typer.Option(min=0, help="How many boxes and cylinders stand about that are on no map."),
@@ -83,7 +94,9 @@ class SimOptions:
     """`key=value` settings of the localiser; where they name no map it is the world itself."""
 
     def __post_init__(self) -> None:
-        """Check the bus as the robot's file is checked, also where a run needs none."""
+        """Check manners, and the bus as the robot's file is checked, also where it is unused."""
+        if self.manners and self.manner != STUBBORN and not self.people:
+            raise ConfigError(f"--manner {self.manner}: nobody walks about; add --people N")
         kind, _, channel = self.bus.partition(":")
         if kind != "simcan" and channel:
             raise ConfigError(
@@ -98,6 +111,22 @@ class SimOptions:
                 CanConfig(interface=interface, channel=each)
         except ValueError as error:
             raise ConfigError(f"--bus {self.bus}: {error}") from error
+
+    @property
+    def manners(self) -> tuple[Manner, ...]:
+        """Manners in which the people walk, in turn.
+
+        Raises
+        ------
+        ConfigError
+            If there is no such manner.
+        """
+        from firmware_sim.world.manner import parse_manners  # noqa: PLC0415 - help is quick
+
+        try:
+            return parse_manners(self.manner)
+        except ArgumentTypeError as error:
+            raise ConfigError(f"--manner {error}") from error
 
     def find_world(self, mission: Mission) -> Path:
         """Return the file of the world: the requested one, otherwise the mission's.
@@ -136,6 +165,8 @@ class SimOptions:
 
         Simulated buses but the first have their name behind that of the channel.
         """
+        if self.manners and self.manner != STUBBORN and not self.people:
+            raise ConfigError(f"--manner {self.manner}: nobody walks about; add --people N")
         kind, _, channel = self.bus.partition(":")
         if kind == "simcan":
             first = channel or "simcan0"

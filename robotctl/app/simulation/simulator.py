@@ -139,7 +139,7 @@ def simulator_arguments(
         *("--priority", str(max(0, config.runtime.priority - _BELOW_CONTROL))),
     ]
     if options.people:
-        arguments += ["--people", str(options.people)]
+        arguments += ["--people", str(options.people), "--manner", options.manner]
     if options.clutter:
         arguments += ["--clutter", str(options.clutter)]
         arguments += [f"--keep-clear={x_m},{y_m}" for x_m, y_m in goals(mission)]

@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from firmware_sim.world.people import RADIUS_M
+from firmware_sim.world.walking.walker import RADIUS_M
 from robotctl.app.scoring.journey_score import JourneyScore
 from robotctl.app.scoring.score import StampedPose
 from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.room import goals, load_furnished
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
+from robotctl.errors import ConfigError
 from robotctl.maps.world import find_world
 from robotctl.planning.behave.mission.mission_file import parse_mission
 from tests.app.simulation.missions import PATROL, drive, without_computing_times
@@ -27,6 +28,31 @@ def test_a_run_among_them_repeats_and_differs_from_one_without() -> None:
     assert first == second
     assert first != without_computing_times(drive(max_seconds=4.0))
     assert first["collisions"] == 0
+
+
+def test_a_run_among_people_of_all_manners_repeats_and_has_them_all() -> None:
+    options = SimOptions(find_file("diff_drive"), PATROL, people=4, manner="mixed", max_seconds=2)
+    walks = []
+    for _ in range(2):
+        run = LockstepRun(options)
+        people = run.stack.simulation._people
+        assert people is not None
+        assert len({type(each).__name__ for each in people._people}) == 3  # two of them roam
+        run.run()
+        walks.append(people.places_m)
+    assert walks[0] == walks[1]
+
+
+@pytest.mark.parametrize(
+    ("manner", "people", "said"),
+    [
+        ("evade", 2, 'allowed: stubborn, evades, wanders, runs.*did you mean "evades"'),
+        ("runs", 0, "--manner runs: nobody walks about; add --people N"),
+    ],
+)
+def test_manners_that_are_none_or_nobodys_are_refused(manner: str, people: int, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        SimOptions(find_file("diff_drive"), PATROL, people=people, manner=manner)
 
 
 def test_the_robot_does_not_know_of_clutter() -> None:

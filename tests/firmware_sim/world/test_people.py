@@ -21,15 +21,9 @@ from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.simulation import Simulation
 from firmware_sim.world.clutter import APART_M, CLEAR_M, cluttered
 from firmware_sim.world.free_space import FreeSpace
-from firmware_sim.world.people import (
-    PARTED_M,
-    RADIUS_M,
-    STANDS_NS,
-    STEP_NS,
-    TOUCH_M,
-    People,
-    _Person,
-)
+from firmware_sim.world.people import PARTED_M, STANDS_NS, TOUCH_M, People
+from firmware_sim.world.walking.stubborn import Stubborn
+from firmware_sim.world.walking.walker import RADIUS_M, STEP_NS
 from firmware_sim.world.world import World, load_world
 from tests.firmware_sim.plant.plants import command
 
@@ -143,7 +137,7 @@ def test_a_robot_that_drives_against_a_disc_stops_there_and_that_is_no_wall() ->
 def walker(*corners: list[float], speed_m_s: float = 1.0) -> People:
     """Return one person in the hall who walks to and fro."""
     people = People(HALL, 1, np.random.default_rng(0))
-    people._people[:] = [_Person(np.array([*corners, corners[0]]), speed_m_s)]
+    people._people[:] = [Stubborn(np.array([*corners, corners[0]]), speed_m_s)]
     return people
 
 

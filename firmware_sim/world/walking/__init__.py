@@ -1,0 +1,1 @@
+"""How people walk: one file for each manner."""
