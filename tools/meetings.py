@@ -2,8 +2,8 @@
 
 Writes them and `meetings.toml` for `robotctl campaign`. Between two halls the robot meets somebody
 who does not react: by turns head-on or from behind and faster, in the middle of the corridor, where
-there is no room to pass, or along a wall, where there is, with each drive, with a lidar and as its
-file says, with and without a niche halfway. The seed draws speed, time and lane.
+there is no room to pass, or along a wall, where there is, with each drive, with a lidar and with
+sonars alone, with and without a niche halfway. The seed draws speed, time and lane.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def write(folder: Path, number: int, rounds: int) -> dict[str, Any]:
     (folder / f"{name}_world.toml").write_text(tomlkit.dumps(content), encoding="utf-8")
     goal = (1.5 * HALL_M + CORRIDOR_M, 0.0)
     write_mission(folder / f"{name}.toml", f"{name}_world.toml", start, goal, name)
-    settings = {"set": {"simulation": {"lidar": {"beams": LIDAR_BEAMS}}}} if lidar else {}
+    lidars: Any = {"beams": LIDAR_BEAMS} if lidar else []
     words = (kind, "lidar" if lidar else "sonar", lane, "niche" if niche else "bare")
     return {
         "name": " ".join(words),
@@ -80,7 +80,7 @@ def write(folder: Path, number: int, rounds: int) -> dict[str, Any]:
         "options": "--localiser mcl",
         "seed": number,
         "criteria": ["mission_completed = true", "collisions = 0", "ran_into = 0"],
-        **settings,
+        "set": {"simulation": {"lidar": lidars}},
     }
 
 
