@@ -126,7 +126,7 @@ class LiveWorld:
                 self._scan_ns[scan.name] = scan.stamp_ns
                 self._take(seen.T_world_odom, T_odom_base, scan)
         if not self._sees_by_lidar:
-            self._hear(pose, seen.ranges_m, now_ns)
+            self._hear(pose, seen, now_ns)
         self.map.see_floor(pose, seen.floor_base, now_ns)
 
     def _take(self, T_world_odom: SE2, T_odom_base: SE2, scan: RangeScan) -> None:
@@ -144,11 +144,13 @@ class LiveWorld:
         self.moving = np.concatenate([each.moving(T_world_odom) for each in self._tracks.values()])
         self.map.see_scan(where, scan, scan.stamp_ns, self.moving)
 
-    def _hear(self, pose: SE2, ranges_m: Sequence[float], now_ns: int) -> None:
+    def _hear(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take echoes of sonars."""
-        stand = self.map.see_echoes(pose, self._mounts, ranges_m, now_ns)
-        for i, (range_m, stands) in enumerate(zip(ranges_m, stand, strict=True)):
-            if not math.isnan(range_m):
+        moves = seen.moves or (False,) * len(seen.ranges_m)
+        stand = self.map.see_echoes(pose, self._mounts, seen.ranges_m, now_ns, moves)
+        heard = zip(seen.ranges_m, stand, moves, strict=True)
+        for i, (range_m, stands, is_moving) in enumerate(heard):
+            if not (math.isnan(range_m) or is_moving):
                 self._new_echoes[i] = 0 if stands else self._new_echoes[i] + 1
 
     @property

@@ -23,3 +23,5 @@ class Seen(NamedTuple):
     """New sonar ranges, nan for those that are not new, in the order of the mounts [m]."""
     floor_base: Sequence[Point] = ()
     """Points on the floor in `base` [m], not to be driven over."""
+    moves: tuple[bool, ...] = ()
+    """Whether each sonar hears something that moves, which leaves no marks; empty: none does."""
