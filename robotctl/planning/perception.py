@@ -73,7 +73,7 @@ class Perception:
         if points is None:  # a lidar sees what is beside the robot
             passed = self._passed.hear(self._odometry(inputs), heard, moves, now_ns)
         if pilot is not None and inputs.localised:
-            seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base, moves)
+            seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base, approaches)
             pilot.see(inputs.pose, seen, now_ns)
             approaches = self._echo_motion.expect(approaches, ranges, pilot.may_move, now_ns)
         self._robot.guard.observe(

@@ -136,7 +136,8 @@ class SonarModel:
     def _perfect(self, measured: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return log p of readings (k,) that are exactly as expected, (k,)."""
         expected = np.where(measured >= self.config.max_range_m, np.inf, measured)
-        return self._log_density(expected[np.newaxis], measured)[0]
+        logs: NDArray[np.float64] = self._log_density(expected[np.newaxis], measured)[0]
+        return logs
 
     def _summed(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tempered sum of the log-likelihoods of readings, (..., k), (...)."""
