@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -59,8 +59,6 @@ _UNSURE_M: Final = 0.05
 """Error of where a person walks [m]: less is no reason to leave a place."""
 _CHORD_M: Final = 1.0
 """Distance to both sides over which the direction of a path is taken [m]."""
-_KEEPS_M: Final = 0.22
-"""Distance from the path at which people walk who keep to a side [m]."""
 _KEPT: Final = 3
 """Step between the poses of its track that the robot drives back through: they are noisy."""
 _BESIDE_M: Final = np.arange(-1.0, 1.01, 0.1)
@@ -224,26 +222,15 @@ class GiveWay:
         if self._expected < _SURE_STEPS:
             return
         self._not_before_ns = now_ns + _AGAIN_NS
-        others = [each for each in lanes if each is not lane]
-        for guess in _guesses(met, place):
-            plan = self._plan_aside(guess, others, pose, speed_m_s)
-            if plan is not None:
-                self.route = Route(plan, leads_there=False)
-                self._lane, self._moved = guess, pose
-                self._seen_ns = self._since_ns = self._moved_ns = self._straight_ns = now_ns
-                return
-
-    def _plan_aside(
-        self, met: Lane, others: list[Lane], pose: SE2, speed_m_s: float
-    ) -> Plan | None:
-        """Return the path to the best place aside that is reached in time; None: there is none."""
-        lanes = [met, *others]
+        lanes = [met if each is lane else each for each in lanes]
         for goal in self._places.find(met, lanes, pose, speed_m_s, self._failed):
             plan = self._plan(pose, goal)
             steps = goal.heading_rad is not None
             if plan is not None and self._is_in_time(plan, pose, lanes, speed_m_s, steps=steps):
-                return plan
-        return None
+                self.route = Route(plan, leads_there=False)
+                self._lane, self._moved = met, pose
+                self._seen_ns = self._since_ns = self._moved_ns = self._straight_ns = now_ns
+                return
 
     def _has_room(self, lane: Lane, place: SE2) -> bool:
         """Return whether the robot fits with its margin between a lane and what stands there."""
@@ -290,16 +277,14 @@ class GiveWay:
     ) -> bool:
         """Return whether the robot has left each place of a path before a person is there.
 
-        Where it slants on a path that `steps` aside, a wall is near, and it is slow. Who is heard
-        is near already, so a place that is reached in the nick of time is better than none.
+        Where it slants on a path that `steps` aside, a wall is near, and it is slow.
         """
         places = Route(plan).rest
         ways_m = np.hypot(*np.diff(places[:, :2], axis=0).T)
         slow_m_s = min(speed_m_s, _SLOW * self._tools.config.creep_m_s)
         slants = steps * np.abs(np.sin(places[1:, 2] - places[-1, 2]))
         speeds = np.interp(slants, _SLANTS, (speed_m_s, slow_m_s))
-        slower, spare_s = (1.0, 0.0) if lanes[0].is_heard else (_SLOWER, _SPARE_S)
-        times_s = np.concatenate([[0.0], np.cumsum(ways_m / speeds)]) * slower + spare_s
+        times_s = np.concatenate([[0.0], np.cumsum(ways_m / speeds)]) * _SLOWER + _SPARE_S
         times_s += _GEAR_S * np.count_nonzero(np.diff(plan.reverse, prepend=False))
         if not self._tools.paths.steered:
             times_s += abs(wrap_angle(float(places[0, 2]) - pose.theta_rad)) / TURN_RAD_S
@@ -356,17 +341,6 @@ def meeting(
     if math.hypot(on_x, on_y) >= _CHORD_M:
         theta_rad = math.atan2(on_y, on_x)
     return SE2(x_m, y_m, theta_rad)
-
-
-def _guesses(met: Lane, place: SE2) -> Iterator[Lane]:
-    """Yield where a person may walk: who is only heard in the middle, else left of the robot.
-
-    So a robot that has nowhere else to go in time keeps right, as most people do.
-    """
-    yield met
-    if met.is_heard:
-        aside = place @ SE2(0.0, _KEEPS_M, 0.0)
-        yield met.through(aside.x_m, aside.y_m)
 
 
 def _after(place: SE2, path: NDArray[np.float64]) -> SE2:

@@ -176,7 +176,7 @@ class PlacesAside:
             near_m = lane.ahead_m(places) - self._footprint.reach_m - lane.radius_m
             gaps_m = np.minimum(gaps_m, lane.gaps_m(self._corners, poses, 0.0))
             keep &= (away_m / speed_m_s < near_m / lane.speed_m_s) | np.isinf(gaps_m)
-        keep &= (gaps_m >= SQUEEZE_M) & (met.ahead_m(places) > 0.0)
+        keep &= gaps_m >= SQUEEZE_M
         poses, gaps_m = poses[keep], gaps_m[keep]
         away_m = away_m[keep] + _STEEP * steep_m[keep]
         free = self._is_free(space, wide, poses, left)
