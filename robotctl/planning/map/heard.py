@@ -16,7 +16,7 @@ from robotctl.model.sensors.sonar import SonarMount
 RADIUS_M: Final = 0.25
 """Radius of a person who is only heard [m]."""
 _LEAST_M_S: Final = 0.3
-"""Closing speed of somebody who walks [m/s]: walls that are passed at an angle seem slower."""
+"""Minimum closing speed of a walker [m/s]: walls passed at an angle seem slower."""
 _WITHIN_RAD: Final = math.radians(20.0)
 """Angle off straight ahead, or back, within which a sonar looks along the robot's line."""
 
@@ -27,7 +27,7 @@ def heard_walkers(
     approaches: Sequence[tuple[float, float]],
     explained: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
 ) -> NDArray[np.float64]:
-    """Return who is heard to come, (k, 5), as `LocalSituation.moving`.
+    """Return the walkers that are heard, (k, 5), as `LocalSituation.moving`.
 
     A sonar tells neither their side nor their direction: each is taken to be on its axis, and to
     walk along it.
