@@ -27,7 +27,7 @@ def heard_walkers(
     approaches: Sequence[tuple[float, float]],
     explained: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
 ) -> NDArray[np.float64]:
-    """Return the walkers that are heard, (k, 5), as `LocalSituation.moving`.
+    """Return people who come along the robot's line, (k, 5), as `LocalSituation.moving`.
 
     A sonar tells neither their side nor their direction: each is taken to be on its axis, and to
     walk along it.
