@@ -2,8 +2,8 @@
 
 Writes them and `meetings.toml` for `robotctl campaign`. Between two halls the robot meets somebody
 who does not react: by turns head-on or from behind and faster, in the middle of the corridor, where
-there is no room to pass, or along a wall, where there is, with each drive, with a lidar and as its
-file says, with and without a niche halfway. The seed draws speed, time and lane.
+there is no room to pass, or along a wall, where there is, with each drive, with a lidar and with
+sonars alone, with and without a niche halfway. The seed draws speed, time and lane.
 """
 
 from __future__ import annotations
@@ -60,27 +60,30 @@ def world(number: int, kind: str, lane: str, *, niche: bool) -> dict[str, Any]:
     }
 
 
-def write(folder: Path, number: int, rounds: int) -> dict[str, Any]:
-    """Write a meeting into a folder; return its case of a campaign there."""
+def write(folder: Path, number: int, rounds: int, first: int = 0) -> dict[str, Any]:
+    """Write a meeting into a folder; return its case of a campaign there.
+
+    Its seed is `first` and its number.
+    """
     kinds = list(itertools.product(KINDS, (True, False), LANES_M, (False, True), DRIVES))
     kind, lidar, lane, niche, drive = kinds[number // rounds]
     name = f"meeting_{number:03d}"
-    content = world(number, kind, lane, niche=niche)
+    content = world(first + number, kind, lane, niche=niche)
     start = (HALL_M / 2.0, 0.0, 0.0)
     content["world"]["start"] = dict(zip(("x_m", "y_m", "heading_deg"), start, strict=True))
     (folder / f"{name}_world.toml").write_text(tomlkit.dumps(content), encoding="utf-8")
     goal = (1.5 * HALL_M + CORRIDOR_M, 0.0)
     write_mission(folder / f"{name}.toml", f"{name}_world.toml", start, goal, name)
-    settings = {"set": {"simulation": {"lidar": {"beams": LIDAR_BEAMS}}}} if lidar else {}
+    lidars: Any = {"beams": LIDAR_BEAMS} if lidar else []
     words = (kind, "lidar" if lidar else "sonar", lane, "niche" if niche else "bare")
     return {
         "name": " ".join(words),
         "robot": drive,
         "mission": f"{name}.toml",
         "options": "--localiser mcl",
-        "seed": number,
+        "seed": first + number,
         "criteria": ["mission_completed = true", "collisions = 0", "ran_into = 0"],
-        **settings,
+        "set": {"simulation": {"lidar": lidars}},
     }
 
 
@@ -94,11 +97,13 @@ def main() -> None:
     add = parser.add_argument
     add("folder", type=Path, help="for meetings and the campaign's file")
     add("--rounds", type=int, default=1, help="how many of each kind and drive (%(default)s)")
+    add("--first", type=int, default=0, help="seed of the first (%(default)s)")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     count = len(KINDS) * 2 * len(LANES_M) * 2 * len(DRIVES) * options.rounds
     file = options.folder / "meetings.toml"
-    write_cases(file, (write(options.folder, each, options.rounds) for each in range(count)))
+    rounds, first = options.rounds, options.first
+    write_cases(file, (write(options.folder, each, rounds, first) for each in range(count)))
     print(f"robotctl campaign {file}")
 
 

@@ -232,7 +232,8 @@ class NavigationAdapter:
         """Return what of a velocity keeps to the fence."""
         if control is None or not inputs.enabled or not inputs.are_finite:
             return wanted
-        return self.fence.keep(control, inputs.pose if inputs.localised else None, wanted, now_ns)
+        pose = inputs.pose if self._world.is_sure(control) else None
+        return self.fence.keep(control, pose, wanted, now_ns)
 
     def _inputs(
         self,
@@ -280,7 +281,7 @@ class NavigationAdapter:
             ranges_m=control.sonar_m,
             received_ns=control.sonar_stamp_ns,
             enabled=enabled,
-            localised=self._world.is_sure(control),
+            localised=self._world.is_tracked(control),
             attended=attended,
             station_lost=lost,
             control_is_fresh=fresh,

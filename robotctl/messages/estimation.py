@@ -122,7 +122,8 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     [m, m, rad]. `nis` is the normalised innovation squared of the EKF's last
     update (nan without one) and `nis_dof` its degrees of freedom; `particles` is 0 for the EKF.
     `loops` are those that SLAM closed in this step; `verdict` says how good its map is, and why it
-    is no better. `paused`: the map that the robot makes stays as it is.
+    is no better. `paused`: the map that the robot makes stays as it is. `tracked`: a localised
+    robot's place has become less sure, as along a corridor, but nothing speaks against it.
     """
 
     stamp_ns: int
@@ -141,6 +142,7 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     loops: tuple[ClosedLoop, ...] = ()
     verdict: str = ""
     paused: bool = False
+    tracked: bool = False
 
     @property
     def T_world_odom(self) -> SE2:

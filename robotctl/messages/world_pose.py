@@ -13,7 +13,8 @@ class WorldPose:
 
     - Without a localiser `odom` is `world`: odometry starts where the robot stands.
     - With one, the last `T_world_odom` of status LOCALISED counts. While the localiser searches, or
-      is lost, its guesses jump, so odometry continues from the last known place.
+      is lost, its guesses jump, so odometry continues from the last known place. That is good
+      enough to drive by while the localiser tracks the robot, and only knows its place less well.
     - A `T_world_odom` holds for its own `odom_epoch_ns` only. Before the first one, and once the
       odometry has restarted, the pose is unknown until the next message of the localiser.
 
@@ -62,6 +63,13 @@ class WorldPose:
         if not self._has_localiser:
             return True
         return self._known is self.latest and self.T_world_odom(control) is not None
+
+    def is_tracked(self, control: ControlState) -> bool:
+        """Whether the robot may drive by the pose: it is sure, or has only become less so."""
+        if self.is_sure(control):
+            return True
+        tracked = self.latest is not None and self.latest.tracked
+        return tracked and self.T_world_odom(control) is not None
 
     def epoch(self, control: ControlState) -> tuple[int, int]:
         """Return the epochs of `odom` and its pose in `world`; they change when the pose jumps."""

@@ -40,7 +40,7 @@ class NavigationInputs(NamedTuple):
     requests: tuple[Request | LoadRequest, ...] = ()
     """Requests since the last step, oldest first."""
     localised: bool = True
-    """The pose is more than a guess."""
+    """The pose is more than a guess, though perhaps only odometry since a known place."""
     attended: bool = True
     """Whether the required operator is present."""
     station_lost: bool = False

@@ -71,15 +71,15 @@ class Perception:
                 self._hidden.see(T_odom_base, scan, now_ns)
         points = self._scanned(inputs, now_ns)
         approaches = self._echo_motion.step(ranges, new, received_ns, inputs.twist)
-        heard = tuple(  # what moves leaves no marks
-            reading if is_new and approach is STANDS else math.nan
-            for reading, is_new, approach in zip(ranges, new, approaches, strict=True)
+        heard = tuple(
+            reading if is_new else math.nan for reading, is_new in zip(ranges, new, strict=True)
         )
+        moves = tuple(approach is not STANDS for approach in approaches)
         passed = None
         if points is None:  # a lidar sees what is beside the robot
-            passed = self._passed.hear(self._odometry(inputs), heard, now_ns)
+            passed = self._passed.hear(self._odometry(inputs), heard, moves, now_ns)
         if pilot is not None and inputs.localised:
-            seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base)
+            seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base, approaches)
             pilot.see(inputs.pose, seen, now_ns)
             approaches = self._echo_motion.expect(approaches, ranges, pilot.may_move, now_ns)
         self._robot.guard.observe(

@@ -26,7 +26,9 @@ from robotctl.messages.control import (
     VelocityTarget,
 )
 from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.fence import SetFence
 from robotctl.messages.requests import REQUEST_LIFE_NS
+from robotctl.model.fence import Fence, FencePolygon
 from robotctl.model.geometry.localisation import LocalisationStatus
 
 CONFIG = load_robot(find_file("diff_drive"))
@@ -388,6 +390,35 @@ def test_a_robot_that_looks_around_goes_by_its_odometry_and_not_by_guesses(armed
         assert state.message == "looking around"
         turned_rad += step_rad
         looked += 1
+
+
+def believed(armed: Armed, *, status: LocalisationStatus, tracked: bool) -> LocalisationState:
+    """Return that the robot is where odometry has it."""
+    return LocalisationState(
+        armed.next_ns(), "mcl", status, 0.0, 0.0, 0.0, (0.2, 0.0, 0.0, 0.2, 0.0, 0.01),
+        tracked=tracked,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("tracked", [True, False])
+@pytest.mark.parametrize("fenced", [True, False])
+def test_a_place_that_is_only_tracked_is_driven_by_but_not_within_a_fence(
+    armed: Armed, *, tracked: bool, fenced: bool
+) -> None:
+    if fenced:
+        around = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
+        armed.adapter.bound_by([SetFence(0, Fence((FencePolygon(around, True),)), 5)])
+    armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    sure = LocalisationStatus.LOCALISED
+    for _ in range(5):
+        command, _ = armed.step(localisation=believed(armed, status=sure, tracked=True))
+    assert command.v_m_s > 0.0
+    unsure = LocalisationStatus.SEARCHING
+    for _ in range(5):
+        command, state = armed.step(localisation=believed(armed, status=unsure, tracked=tracked))
+    assert (state.message == "looking around") is not (tracked or fenced)
+    drives = (command.v_m_s, command.omega_rad_s) != (0.0, 0.0)
+    assert drives is not fenced
 
 
 def test_where_the_robot_drives_is_told(armed: Armed) -> None:

@@ -85,6 +85,23 @@ def test_a_guess_is_no_place_and_moves_none(status):
     assert not world.is_sure(state)
 
 
+def test_a_place_that_is_tracked_is_good_enough_to_drive_by_but_not_sure():
+    """Odometry goes on from the last place that was sure."""
+    world = WorldPose(has_localiser=True)
+    tracked = msgspec.structs.replace(belief(SE2(10.4, 0.0, 0.0), SEARCHING), tracked=True)
+    world.localise(tracked)
+    assert not world.is_tracked(control(SE2()))  # nothing was sure yet
+    world.localise(belief(SE2(10.0, 0.0, 0.0)))
+    assert world.is_tracked(control(SE2()))
+    world.localise(tracked)
+    assert world.is_tracked(control(SE2()))
+    assert not world.is_sure(control(SE2()))
+    assert world.pose(control(SE2(1.0, 0.0, 0.0))) == SE2(11.0, 0.0, 0.0)
+    assert not world.is_tracked(control(SE2(), odom_epoch_ns=3))
+    world.localise(belief(SE2(10.4, 0.0, 0.0), SEARCHING))
+    assert not world.is_tracked(control(SE2()))
+
+
 @pytest.mark.parametrize("epochs", [(0, 7), (7, 0), (7, 9)])
 def test_what_was_said_of_one_odometry_is_void_for_another(epochs):
     before, after = epochs

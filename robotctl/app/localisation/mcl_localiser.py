@@ -120,7 +120,9 @@ class MclLocaliser:
         # Without measurements the belief still moves, and reports that it fades.
         self._move_to(control.stamp_ns - self._blind_ns)
         state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
-        return msgspec.structs.replace(state, particles=len(self._mcl.poses))
+        return msgspec.structs.replace(
+            state, particles=len(self._mcl.poses), tracked=self._mcl.is_tracked
+        )
 
     def _begin(self, measurement: LogLikelihood, sensor: str, left: int) -> int:
         """Begin with a measurement, as `Work.go_on`."""

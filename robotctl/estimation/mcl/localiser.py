@@ -112,13 +112,15 @@ class MonteCarloLocaliser:
         self._rival: Rival | None = None
         self._remembered = Remembered()
         """Measurements since a search began."""
-        self._misfit = Misfit(self.config.search)
+        self._misfits: dict[str, Misfit] = {}
         self._heard: set[str] = set()
         """Sensors that have weighted the belief on this stretch, and"""
         self._heard_before: set[str] = set()
         """on the one before."""
         self._way.reset()
         self._lost = False
+        self._was_localised = False
+        """Whether the tracked place was sure once."""
         self._elsewhere = -math.inf
         self._watches: dict[str, LikelihoodMonitor] = {}
 
@@ -166,9 +168,30 @@ class MonteCarloLocaliser:
         return LocalisationStatus.SEARCHING
 
     @property
+    def is_tracked(self) -> bool:
+        """Whether the robot was localised, and its place has become less sure at most.
+
+        Sonars tell nothing along a corridor: there the belief grows as odometry errs.
+        """
+        best, config = self._belief.best, self.config
+        sigma_m = Cluster(best.weight, *self._way.end(best.mean, best.covariance)).sigma_m
+        return (
+            self._was_localised
+            and self._is_undisputed
+            and best.weight >= config.localised_weight
+            and sigma_m <= config.tracked_m
+        )
+
+    @property
+    def _is_undisputed(self) -> bool:
+        """Whether nothing speaks against the tracked place."""
+        is_known = self._rival is None and not self._belief.searching
+        return is_known and not self._lost and not self.fits_nowhere
+
+    @property
     def fits_nowhere(self) -> bool:
         """Whether what was seen since the place was known fits no place of the map."""
-        return self._misfit.is_bad
+        return any(each.is_bad for each in self._misfits.values())
 
     def measure(self, log_likelihood: LogLikelihood, sensor: str = "") -> None:
         """Weigh the belief by a measurement, made now; see `measuring`."""
@@ -206,11 +229,13 @@ class MonteCarloLocaliser:
             fits = yield from self._belief.search(log_likelihood, self._sample_free, self._rng)
             self._lost = not fits
             self._remembered.add(log_likelihood)
-            self._see_fit(log_likelihood, self._belief)
+            self._see_fit(log_likelihood, sensor, self._belief)
             if self._belief.is_sure and not self.fits_nowhere:
                 yield from self._settle()
         else:
             yield from self._track(log_likelihood, sensor, distance_m, angle_rad)
+        is_sure = self.status is LocalisationStatus.LOCALISED
+        self._was_localised = is_sure or (self._was_localised and self._is_undisputed)
 
     def _settle(self) -> Sliced[None]:
         """Track the place that a search has found, with the others that resemble it."""
@@ -233,14 +258,17 @@ class MonteCarloLocaliser:
         """Know the place."""
         self._rival = None
         self._remembered.clear()
-        self._misfit.reset()
+        self._misfits.clear()
 
-    def _see_fit(self, log_likelihood: LogLikelihood, *beliefs: ParticleBelief) -> None:
+    def _see_fit(
+        self, log_likelihood: LogLikelihood, sensor: str, *beliefs: ParticleBelief
+    ) -> None:
         """Take in how well a measurement fits where it fits best."""
         if isinstance(log_likelihood, Forgiving):
             best = np.concatenate([belief.poses[_heaviest(belief)] for belief in beliefs])
             # Judged at the best pose: a scan that fits nowhere means the wrong map.
-            self._misfit.add(float(log_likelihood.forgiven(best).max()))
+            misfit = self._misfits.setdefault(sensor, Misfit(self.config.search))
+            misfit.add(float(log_likelihood.forgiven(best).max()))
 
     def estimate(self, stamp_ns: int) -> PoseEstimate:
         """Return the present estimate, moved by the odometry since the last measurement.
@@ -275,7 +303,9 @@ class MonteCarloLocaliser:
             np.full(len(uniform_probes), 1.0 / len(uniform_probes)), probe_logs
         )
         if self._rival is not None:
-            yield from self._contend(self._rival, log_likelihood, evidence, distance_m, angle_rad)
+            yield from self._contend(
+                self._rival, log_likelihood, sensor, evidence, distance_m, angle_rad
+            )
         elif self._is_doubtful(evidence, elsewhere, sensor):
             self._lost = True
             self._rival = Rival(self._anywhere())
@@ -302,6 +332,7 @@ class MonteCarloLocaliser:
         self,
         rival: Rival,
         log_likelihood: LogLikelihood,
+        sensor: str,
         evidence: float,
         distance_m: float,
         angle_rad: float,
@@ -315,7 +346,7 @@ class MonteCarloLocaliser:
         lead = foretold - evidence if foretold > -math.inf else -math.inf
         yield from belief.search(log_likelihood, self._sample_free, self._rng)
         self._remembered.add(log_likelihood)
-        self._see_fit(log_likelihood, self._belief, belief)
+        self._see_fit(log_likelihood, sensor, self._belief, belief)
         verdict = rival.compare(lead, distance_m, angle_rad, self._belief.best)
         if verdict is RivalVerdict.OPEN:
             return

@@ -222,6 +222,10 @@ class MclTuning:
         Greatest standard deviations of a localised robot [m], [rad], 0.001 to 100.
     localised_weight
         Least share of the belief in its cluster, 0.01 to 0.99.
+    tracked_m
+        Standard deviation up to which a robot that was localised goes on by odometry, unless
+        something speaks against its place [m], at least `localised_m`, at most 100: along a
+        corridor sonars tell nothing.
     localised_updates
         Consecutive measurements needed, 1 to 1000.
     blind_s
@@ -251,6 +255,7 @@ class MclTuning:
     localised_rad: float = 0.2
     localised_weight: float = 0.9
     localised_updates: int = 5
+    tracked_m: float = 1.0
     blind_s: float = 0.5
     monitor: MonitorConfig = field(default_factory=MonitorConfig)
     rival: RivalConfig = field(default_factory=RivalConfig)
@@ -273,5 +278,12 @@ class MclTuning:
             localised_rad=(0.001, 100.0),
             localised_weight=(0.01, 0.99),
             localised_updates=(1, 1000),
+            tracked_m=(0.001, 100.0),
             blind_s=(0.0, 2.0),
         )
+        if self.tracked_m < self.localised_m:
+            raise InvalidValue(
+                "tracked_m",
+                f"{self.tracked_m} found, at least localised_m ({self.localised_m}) allowed",
+                self.tracked_m,
+            )

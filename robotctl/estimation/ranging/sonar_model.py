@@ -13,12 +13,16 @@ in range sends an echo. Then
 Each of these is a likelihood of sum 1, so ranges and missing echoes weigh against each other as
 they should. Sonars are multiplied, and the product is tempered as in `likelihood_field.py`: walls
 that the map has wrong mislead several sonars at once.
+
+Somebody who stands before a sonar gives an echo that is nearer than the map allows. Such a one says
+little of the place, and nothing against it: that is what can be forgiven (`log_likelihood.py`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +36,11 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.wall_map import WallMap
+
+_HIDDEN_SIGMAS: Final = 3.0
+"""Standard deviations before the map's echo from which on something hides that."""
+_HIDDEN_LIKELIHOOD: Final = 0.5
+"""Least likelihood of such an echo where people are forgiven, as a share of a perfect one's."""
 
 
 def echoes_in(room: WallMap | GridMap, cones: SonarCones) -> Echoes:
@@ -73,12 +82,7 @@ class SonarModel:
 
         It is about 0 if all readings are as expected, however many sonars heard an echo.
         """
-        perfect = self._perfect(ranges_m)
-
-        def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-            return self.log_likelihood(poses, ranges_m) - perfect
-
-        return log_likelihood
+        return _ReadingsLikelihood(self, ranges_m)
 
     def log_likelihood(
         self, poses: NDArray[np.float64], ranges_m: NDArray[np.float64]
@@ -107,26 +111,38 @@ class SonarModel:
                 f"ranges_m must have one reading for each of {self._sonars} sonars, "
                 f"found {ranges_m.shape}"
             )
+        return self._summed(self._log_densities(poses, ranges_m))
+
+    def _log_densities(
+        self, poses: NDArray[np.float64], ranges_m: NDArray[np.float64], hidden: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Return log p of each reading that there is at each pose, (n, k).
+
+        One that is nearer than the map allows has the share `hidden` of a perfect one's at least.
+        """
         present = np.flatnonzero(~np.isnan(ranges_m))
         if len(present) == 0:
-            return np.zeros(len(poses))
+            return np.zeros((len(poses), 0))
+        measured = ranges_m[present]
         expected = self._echoes.ranges(poses, present)
-        return self._weighed(expected, ranges_m[present])
+        logs = self._log_density(expected, measured)
+        if hidden > 0.0:
+            sigma = self.config.sigma_m + self.config.sigma_per_m * measured
+            is_hidden = measured + _HIDDEN_SIGMAS * sigma < expected
+            least = math.log(hidden) + self._perfect(measured)
+            logs = np.where(is_hidden, np.maximum(logs, least), logs)
+        return logs
 
-    def _perfect(self, ranges_m: NDArray[np.float64]) -> float:
-        """Return the log-likelihood of readings that are exactly as expected."""
-        measured = ranges_m[~np.isnan(ranges_m)]
-        if len(measured) == 0:
-            return 0.0
+    def _perfect(self, measured: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return log p of readings (k,) that are exactly as expected, (k,)."""
         expected = np.where(measured >= self.config.max_range_m, np.inf, measured)
-        return float(self._weighed(expected[np.newaxis], measured)[0])
+        logs: NDArray[np.float64] = self._log_density(expected[np.newaxis], measured)[0]
+        return logs
 
-    def _weighed(
-        self, expected: NDArray[np.float64], measured: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the tempered log-likelihood of z (k,) at each row of m (n, k), (n,)."""
-        alpha = min(1.0, self.config.independent_readings / len(measured))
-        result: NDArray[np.float64] = alpha * self._log_density(expected, measured).sum(axis=1)
+    def _summed(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tempered sum of the log-likelihoods of readings, (..., k), (...)."""
+        alpha = min(1.0, self.config.independent_readings / max(logs.shape[-1], 1))
+        result: NDArray[np.float64] = alpha * logs.sum(axis=-1)
         return result
 
     def _log_density(
@@ -144,3 +160,18 @@ class SonarModel:
         density[nothing] = 0.0
         density += config.random / config.max_range_m
         return np.log(np.where(none, np.where(nothing, hit + config.none, config.none), density))
+
+
+class _ReadingsLikelihood:
+    """Log-likelihood of the readings of one instant: `Forgiving`."""
+
+    def __init__(self, model: SonarModel, ranges_m: NDArray[np.float64]) -> None:
+        self._model, self._ranges_m = model, ranges_m
+        self._perfect = float(model._summed(model._perfect(ranges_m[~np.isnan(ranges_m)])))
+
+    def __call__(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._model.log_likelihood(poses, self._ranges_m) - self._perfect
+
+    def forgiven(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        logs = self._model._log_densities(poses, self._ranges_m, _HIDDEN_LIKELIHOOD)
+        return self._model._summed(logs) - self._perfect

@@ -3,7 +3,8 @@
 Between two sonars of a ring there is a gap, and the edge of a box or the end of a wall that was
 heard ahead lies in it when the robot is beside it. So echoes are kept in the frame of the odometry,
 on the axis of the sonar that heard them, which is some centimetres off: an echo counts when two in
-a row agree, and none does where the robot has been or hears through.
+a row agree, and none does where the robot has been or hears through. What moves is not kept, but it
+shows that nothing is before it.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class EchoMemory:
         """Last echo of each sonar, in the frame of the odometry."""
 
     def hear(
-        self, T_odom_base: SE2, readings_m: Sequence[float], now_ns: int
+        self, T_odom_base: SE2, readings_m: Sequence[float], moves: Sequence[bool], now_ns: int
     ) -> NDArray[np.float64]:
         """Take new readings; return the echoes around in `base`, (n, 2) [m].
 
@@ -77,18 +78,22 @@ class EchoMemory:
         T_odom_base
             The robot in the frame of the odometry.
         readings_m
-            Of each sonar [m]; inf: no echo, nan: nothing new, or of something that moves.
+            Of each sonar [m]; inf: no echo, nan: nothing new.
+        moves
+            Whether each is of something that moves.
         now_ns
             Time of the step [ns].
         """
         beyond_m = self._config.echo_beyond_m
-        for slot, (mount, reading) in enumerate(zip(self._mounts, readings_m, strict=True)):
+        heard = zip(self._mounts, readings_m, moves, strict=True)
+        for slot, (mount, reading, is_moving) in enumerate(heard):
             if math.isfinite(reading):  # without an echo it may look along a wall
                 sonar = T_odom_base @ mount
                 if len(self._points):
                     axis = sonar.x_m, sonar.y_m, sonar.theta_rad
                     self._keep(_may_stand(self._points, axis, reading, beyond_m))
-                self._take(slot, sonar, reading, now_ns)
+                if not is_moving:
+                    self._take(slot, sonar, reading, now_ns)
         if not len(self._points):
             return self._points
         around = moved(T_odom_base.inverse(), self._points)

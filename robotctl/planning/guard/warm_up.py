@@ -18,7 +18,7 @@ def warm_up() -> None:
     ahead, body = SonarMount("ahead", 0.2, 0.0, 0.0), Footprint.rectangle(-0.2, 0.2, 0.2)
     memory = EchoMemory((ahead,), body)
     for now_ns in range(3):
-        points = memory.hear(SE2(), (0.5,), now_ns)
+        points = memory.hear(SE2(), (0.5,), (False,), now_ns)
     sides = side_rows(body)
     free_way(sides, points, 0.1, Course(1.0, 0.0, 0.0))
     agility = Agility((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 0.2)

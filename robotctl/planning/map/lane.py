@@ -25,13 +25,20 @@ class Lane(NamedTuple):
     """Direction, a unit vector."""
     speed_m_s: float
     radius_m: float
+    is_heard: bool = False
+    """Whether only a sonar tells of it: neither its side nor its direction is known."""
 
     @classmethod
-    def of(cls, moving: NDArray[np.float64]) -> Lane:
+    def of(cls, moving: NDArray[np.float64], *, is_heard: bool = False) -> Lane:
         """Return the lane of a row of `LocalSituation.moving`, which moves."""
         x_m, y_m, vx_m_s, vy_m_s, radius_m = moving.tolist()
         speed_m_s = math.hypot(vx_m_s, vy_m_s)
-        return cls(x_m, y_m, vx_m_s / speed_m_s, vy_m_s / speed_m_s, speed_m_s, radius_m)
+        ahead = vx_m_s / speed_m_s, vy_m_s / speed_m_s
+        return cls(x_m, y_m, *ahead, speed_m_s, radius_m, is_heard)
+
+    def through(self, x_m: float, y_m: float) -> Lane:
+        """Return the lane moved to the side so that its middle leads through a place [m]."""
+        return self.aside(-float(self.beside_m(np.array([x_m, y_m]))))
 
     @property
     def heading_rad(self) -> float:

@@ -278,6 +278,7 @@ class LayeredMap:
         mounts: Sequence[SonarMount],
         ranges_m: Sequence[float],
         now_ns: int,
+        moves: Sequence[bool] = (),
     ) -> list[bool]:
         """Take new readings of sonars; return which are of what has stood there for a second.
 
@@ -292,6 +293,9 @@ class LayeredMap:
         ----------
         ranges_m
             One for each mount [m]: inf without echo, nan if there is no new one.
+        moves
+            Whether each is of something that moves, which only shows what is free before it; empty:
+            none is.
         """
         self._fade(self._sonar, now_ns)
         side_m = self._space.grid.resolution_m
@@ -299,7 +303,8 @@ class LayeredMap:
         half_width = 0.5 * math.radians(config.sonar_beam_deg)
         widest_m = self._space.footprint.inscribed_m / math.sin(half_width)
         stands = []
-        for mount, range_m in zip(mounts, ranges_m, strict=True):
+        moving = moves or (False,) * len(mounts)
+        for mount, range_m, is_moving in zip(mounts, ranges_m, moving, strict=True):
             if math.isnan(range_m):
                 stands.append(True)
                 continue
@@ -309,7 +314,7 @@ class LayeredMap:
             free_m = range_m - 2.0 * config.sonar_band_m
             if range_m == math.inf:
                 free_m = config.no_echo_m
-            echo_m = range_m if range_m <= widest_m else math.nan
+            echo_m = range_m if range_m <= widest_m and not is_moving else math.nan
             stood = marks.see_cone(
                 self._cells,
                 self._sonar,

@@ -16,6 +16,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.map.config import MapConfig
+from robotctl.planning.map.heard import heard_walkers
 from robotctl.planning.map.layered_map import NOTHING_MOVES, LayeredMap
 from robotctl.planning.map.planning_map import PlanningMap, clearance_of
 from robotctl.planning.map.seen import Seen
@@ -52,6 +53,8 @@ class LiveWorld:
         The present outline of the robot.
     moving
         (k, 5) what moves by itself, as `LocalSituation.moving`.
+    heard
+        (k, 5) who is heard to come along the robot's line, by one that has no lidar.
     last_scan
         The last scan of the lidars, as one view, with `base` in `world` at its time; None: there is
         none yet.
@@ -81,7 +84,7 @@ class LiveWorld:
         self._full_speed_m_s = full_speed_m_s
         self._braking_m_s2 = braking_m_s2
         self._lidars = lidars
-        self.moving = NOTHING_MOVES
+        self.moving = self.heard = NOTHING_MOVES
         self.last_scan: tuple[SE2, RangeScan] | None = None
         self._new_echoes = [0] * len(mounts)
         self._merger = ScanMerger()
@@ -136,8 +139,9 @@ class LiveWorld:
             if scan.stamp_ns > self._scan_ns.get(scan.name, -1):
                 self._scan_ns[scan.name] = scan.stamp_ns
                 self._take(seen.T_world_odom, T_odom_base, scan)
+        self.heard = NOTHING_MOVES
         if not self._sees_by_lidar:
-            self._hear(pose, seen.ranges_m, now_ns)
+            self._hear(pose, seen, now_ns)
         self.map.see_floor(pose, seen.floor_base, now_ns)
 
     def _take(self, T_world_odom: SE2, T_odom_base: SE2, scan: RangeScan) -> None:
@@ -155,12 +159,17 @@ class LiveWorld:
         self.moving = np.concatenate([each.moving(T_world_odom) for each in self._tracks.values()])
         self.map.see_scan(where, scan, scan.stamp_ns, self.moving)
 
-    def _hear(self, pose: SE2, ranges_m: Sequence[float], now_ns: int) -> None:
+    def _hear(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take echoes of sonars."""
-        stand = self.map.see_echoes(pose, self._mounts, ranges_m, now_ns)
-        for i, (range_m, stands) in enumerate(zip(ranges_m, stand, strict=True)):
-            if not math.isnan(range_m):
+        approaches = seen.approaches or ((math.inf, 0.0),) * len(seen.ranges_m)
+        moves = [closing_m_s != 0.0 for _, closing_m_s in approaches]
+        stand = self.map.see_echoes(pose, self._mounts, seen.ranges_m, now_ns, moves)
+        heard = zip(seen.ranges_m, stand, moves, strict=True)
+        for i, (range_m, stands, is_moving) in enumerate(heard):
+            if not (math.isnan(range_m) or is_moving):
                 self._new_echoes[i] = 0 if stands else self._new_echoes[i] + 1
+        if any(moves):
+            self.heard = heard_walkers(pose, self._mounts, approaches, self.map.explained)
 
     @property
     def _sees_by_lidar(self) -> bool:
@@ -230,7 +239,7 @@ class LiveWorld:
             tracks.reset()
         self._merger = ScanMerger()
         self.last_scan = None
-        self.moving = NOTHING_MOVES
+        self.moving = self.heard = NOTHING_MOVES
 
     def forget_unseen(self) -> None:
         """Forget obstacles that no sensor has seen lately."""

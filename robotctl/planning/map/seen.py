@@ -23,3 +23,8 @@ class Seen(NamedTuple):
     """New sonar ranges, nan for those that are not new, in the order of the mounts [m]."""
     floor_base: Sequence[Point] = ()
     """Points on the floor in `base` [m], not to be driven over."""
+    approaches: Sequence[tuple[float, float]] = ()
+    """Range [m] and closing speed [m/s] of what moves before each sonar; empty: nothing does.
+
+    Speed 0: it stands. What moves leaves no marks.
+    """

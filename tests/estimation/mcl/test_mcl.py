@@ -150,6 +150,60 @@ def test_what_is_forgiven_is_no_reason_to_look_elsewhere():
         assert off_m(mcl, pose) < 0.3
 
 
+def walls_of_a_corridor(pose: SE2):
+    """Distance to its walls and the angle to them: nothing tells how far along it is."""
+
+    def log_likelihood(poses: np.ndarray) -> np.ndarray:
+        off_m, off_rad = poses[:, 1] - pose.y_m, poses[:, 2] - pose.theta_rad
+        return -0.5 * ((off_m / 0.05) ** 2 + (off_rad / 0.05) ** 2)
+
+    return log_likelihood
+
+
+def along_a_corridor(mcl: MonteCarloLocaliser, pose: SE2, steps: int):
+    """Yield the standard deviation along it [m], and what is said, after each step."""
+    ahead = SE2(0.1, 0.0, 0.0)
+    for _ in range(steps):
+        pose = pose @ ahead
+        mcl.move(ahead)
+        mcl.measure(walls_of_a_corridor(pose), "sonar")
+        yield math.sqrt(mcl.estimate(0).covariance[0, 0]), mcl.status, mcl.is_tracked
+
+
+def test_along_a_corridor_a_robot_is_tracked_while_its_place_gets_less_sure():
+    noise = ParticleMotionConfig(MotionNoise(0.3, 0.1, 0.1))
+    mcl = localiser(motion=noise, tracked_m=0.6)
+    mcl.start_at(SE2(1.0, 5.0, 0.0), 0.05, 0.02)
+    seen = set()
+    for sigma_m, status, is_tracked in along_a_corridor(mcl, SE2(1.0, 5.0, 0.0), 80):
+        assert is_tracked == (sigma_m <= 0.6)
+        if sigma_m > 0.31:
+            assert status is LocalisationStatus.SEARCHING
+        seen.add((status is LocalisationStatus.LOCALISED, is_tracked))
+    assert seen == {(True, True), (False, True), (False, False)}
+
+
+def test_a_place_that_never_was_sure_is_not_tracked():
+    mcl = localiser()
+    mcl.start_at(SE2(1.0, 5.0, 0.0), 0.4, 0.02)
+    assert not any(tracked for *_, tracked in along_a_corridor(mcl, SE2(1.0, 5.0, 0.0), 20))
+
+
+def test_a_robot_that_was_carried_away_is_not_tracked_until_it_is_localised_again():
+    mcl = localiser(max_particles=5000)
+    mcl.start_at(SE2(3.0, 3.0, 0.3), 0.05, 0.05)
+    drive(mcl, SE2(3.0, 3.0, 0.3), 8)
+    assert mcl.is_tracked
+    pose = SE2(15.0, 6.0, 2.0)
+    for _ in range(40):
+        pose = drive(mcl, pose, 1)
+        if off_m(mcl, pose) > 1.0 and mcl.status is not LocalisationStatus.LOCALISED:
+            assert not mcl.is_tracked
+    assert mcl.status is LocalisationStatus.LOCALISED
+    assert mcl.is_tracked
+    assert off_m(mcl, pose) < 0.3
+
+
 def one_beacon(pose: SE2):
     """Range to one beacon: a sensor that says little."""
     seen_m = math.hypot(*(BEACONS[0] - (pose.x_m, pose.y_m)))

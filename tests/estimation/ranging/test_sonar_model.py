@@ -59,6 +59,28 @@ def test_sonars_are_multiplied_tempered_and_left_out_where_they_say_nothing():
     assert np.array_equal(whole.measurement(np.full(2, np.nan))(poses), np.zeros(50))
 
 
+def test_forgiven_is_what_is_nearer_than_the_map_allows_and_nothing_else():
+    """Half of a perfect reading's likelihood at least, by the formulas of the module."""
+    config = SonarModelConfig(beam_deg=10.0)
+    model = SonarModel(ROOM, MOUNTS[:1], config)
+    here = np.array([[1.7, 1.0, 0.0]])  # 1.2 m before a wall
+    across = np.array([[1.7, 1.0, math.radians(45)]])  # where nothing gives an echo
+
+    def lost(pose: np.ndarray, z: float) -> tuple[float, float]:
+        measured = model.measurement(np.array([z]))
+        return measured(pose).item(), measured.forgiven(pose).item()
+
+    for pose, z in ((here, 0.5), (here, 0.9), (across, 0.5), (across, 2.5)):
+        strict, kind = lost(pose, z)
+        assert strict < math.log(0.5) - 1.0
+        assert kind == pytest.approx(math.log(0.5))
+    for pose, z in ((here, 1.2), (here, 1.15), (here, 2.0), (here, np.inf), (across, np.inf)):
+        strict, kind = lost(pose, z)
+        assert kind == strict
+    nothing = model.measurement(np.array([np.nan]))
+    assert nothing.forgiven(here).item() == nothing(here).item() == 0.0
+
+
 def test_readings_that_are_not_one_for_each_sonar_are_refused():
     with pytest.raises(ValueError, match=r"each of 2 sonars, found \(3,\)"):
         SonarModel(ROOM, MOUNTS).log_likelihood(np.zeros((1, 3)), np.ones(3))

@@ -17,6 +17,7 @@ from robotctl.planning.guard.echo_memory import EchoMemory
 S = 1_000_000_000
 LATER = 1000 * S
 NOTHING = (math.nan, math.nan)
+STAND = (False, False)
 FRONT = SonarMount("front", 0.2, 0.0, 0.0)
 LEFT = SonarMount("left", 0.0, 0.15, 90.0)
 BODY = Footprint.rectangle(-0.2, 0.2, 0.15)
@@ -25,24 +26,24 @@ BODY = Footprint.rectangle(-0.2, 0.2, 0.15)
 def memory() -> EchoMemory:
     """Return one that has heard something 0.5 m ahead of the front sonar at the origin."""
     kept = EchoMemory((FRONT, LEFT), BODY)
-    kept.hear(SE2(), (0.5, math.nan), 0)
-    kept.hear(SE2(), (0.51, math.nan), S // 20)
+    kept.hear(SE2(), (0.5, math.nan), STAND, 0)
+    kept.hear(SE2(), (0.51, math.nan), STAND, S // 20)
     return kept
 
 
 def test_what_is_passed_stays_where_it_was_heard():
     kept = memory()
     beside = SE2(0.7, -0.4, 0.0)
-    np.testing.assert_allclose(kept.hear(beside, NOTHING, S), [[0.01, 0.4]], atol=1e-9)
+    np.testing.assert_allclose(kept.hear(beside, NOTHING, STAND, S), [[0.01, 0.4]], atol=1e-9)
     turned = SE2(0.7, -0.4, math.pi / 2)
-    np.testing.assert_allclose(kept.hear(turned, NOTHING, S), [[0.4, -0.01]], atol=1e-9)
+    np.testing.assert_allclose(kept.hear(turned, NOTHING, STAND, S), [[0.4, -0.01]], atol=1e-9)
 
 
 def test_one_echo_alone_is_chance():
     kept = EchoMemory((FRONT, LEFT), BODY)
-    kept.hear(SE2(), (0.5, math.nan), 0)
-    assert len(kept.hear(SE2(), (0.7, math.nan), S)) == 0
-    assert len(kept.hear(SE2(), (math.inf, math.nan), S)) == 0
+    kept.hear(SE2(), (0.5, math.nan), STAND, 0)
+    assert len(kept.hear(SE2(), (0.7, math.nan), STAND, S)) == 0
+    assert len(kept.hear(SE2(), (math.inf, math.nan), STAND, S)) == 0
 
 
 @pytest.mark.parametrize(
@@ -57,14 +58,26 @@ def test_one_echo_alone_is_chance():
 )
 def test_it_goes_where_the_robot_is_or_hears_through(pose, readings, count):
     kept = memory()
-    kept.hear(pose, readings, S)
+    kept.hear(pose, readings, STAND, S)
     # What was taken up meanwhile counts only if the next reading agrees.
-    assert len(kept.hear(pose, NOTHING, S)) == count
+    assert len(kept.hear(pose, NOTHING, STAND, S)) == count
+
+
+def test_what_moves_is_not_kept_and_shows_that_what_was_kept_before_it_is_gone():
+    """Somebody stands before the robot, and then walks away ahead of it."""
+    kept = memory()
+    walks = (True, False)
+    assert len(kept.hear(SE2(), (0.6, math.nan), walks, S)) == 1  # within what an echo is off
+    assert len(kept.hear(SE2(), (0.7, math.nan), walks, S)) == 0
+    for tick in range(4):
+        assert len(kept.hear(SE2(), (0.7, math.nan), walks, 2 * S + tick)) == 0
+    kept.hear(SE2(), (0.7, math.nan), STAND, 3 * S)
+    assert len(kept.hear(SE2(), (0.7, math.nan), STAND, 4 * S)) == 1
 
 
 def test_it_is_forgotten_in_time():
-    assert len(memory().hear(SE2(), NOTHING, 20 * S)) == 1
-    assert len(memory().hear(SE2(), NOTHING, 21 * S)) == 0
+    assert len(memory().hear(SE2(), NOTHING, STAND, 20 * S)) == 1
+    assert len(memory().hear(SE2(), NOTHING, STAND, 21 * S)) == 0
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -213,6 +213,21 @@ def test_two_echoes_that_agree_mark_an_obstacle_and_free_cones_clear_it():
     assert not is_blocked(live, 3.18, 1.5)  # where that arc is wide, it marks nothing
 
 
+def test_an_echo_of_what_moves_marks_nothing_and_clears_what_is_before_it():
+    live = open_map()
+    pose = SE2(1.0, 1.5, 0.0)
+    for i in range(4):
+        live.see_echoes(pose, SONARS, [0.6], i * TENTH_NS, [True])
+    assert not is_blocked(live, 1.78, 1.5)
+    for i in range(4, 6):
+        live.see_echoes(pose, SONARS, [0.6], i * TENTH_NS, [False])
+    assert is_blocked(live, 1.78, 1.5)
+    for i in range(6, 10):
+        live.see_echoes(pose, SONARS, [0.9], i * TENTH_NS, [True])
+    assert not is_blocked(live, 1.78, 1.5)
+    assert not is_blocked(live, 2.08, 1.5)
+
+
 def test_an_echo_from_a_wall_of_the_map_marks_nothing():
     live = LayeredMap(room_map(), BODY)
     pose = SE2(3.3, 1.5, 0.0)

@@ -126,7 +126,9 @@ class GiveWay:
             Time of the step.
         """
         self._track = track
-        lanes = [Lane.of(each) for each in self._tools.world.moving]
+        world = self._tools.world
+        lanes = [Lane.of(each) for each in world.moving]
+        lanes += [Lane.of(each, is_heard=True) for each in world.heard]
         if self._lane is not None:
             self._watch(self._lane, lanes, pose, now_ns)
         elif route is not None and now_ns >= self._not_before_ns and self._config.give_way_s > 0.0:
@@ -164,6 +166,8 @@ class GiveWay:
 
     def _take(self, seen: Lane, lane: Lane, expected: Lane, pose: SE2, now_ns: int) -> None:
         """Take where the person is seen; forget one who walks elsewhere, or to the place aside."""
+        if seen.is_heard:
+            seen = seen.straightened(lane.heading_rad, math.pi).through(expected.x_m, expected.y_m)
         along = seen.ahead_x * lane.ahead_x + seen.ahead_y * lane.ahead_y
         if along > math.cos(_BESIDE_RAD):
             self._straight_ns = now_ns
@@ -205,7 +209,10 @@ class GiveWay:
             if place is None:
                 continue
             met = lane.straightened(place.theta_rad, _BESIDE_RAD)
-            if not all(self._has_room(met, each) for each in (place, _after(place, route.rest))):
+            if met.is_heard:
+                met = met.through(place.x_m, place.y_m)
+            met_at = place, _after(place, route.rest)
+            if met.is_heard or not all(self._has_room(met, each) for each in met_at):
                 break
         else:
             self._expected = 0

@@ -57,6 +57,22 @@ class _Places(NamedTuple):
     costs_s: NDArray[np.float64]
 
 
+class _Search(NamedTuple):
+    """Floor, people and robot that a place is searched for."""
+
+    space: PlanningMap
+    """The map around the robot."""
+    wide: NDArray[np.bool_]
+    """Cells of it that the robot gets to."""
+    met: Lane
+    """Lane of who comes along."""
+    lanes: Sequence[Lane]
+    """All lanes."""
+    pose: SE2
+    speed_m_s: float
+    """Speed of the robot."""
+
+
 class PlacesAside:
     """Finds places off the lanes of people, first the best.
 
@@ -97,8 +113,8 @@ class PlacesAside:
         """
         space = self._tools.world.map.space_around(pose, _FARTHEST_M)
         wide = connected(space, space.clearance >= space.inscribed, (pose.x_m, pose.y_m))
-        open_ = self._open(space, wide, met, lanes, pose, speed_m_s)
-        walls = self._at_walls(space, wide, met, lanes, pose, speed_m_s)
+        search = _Search(space, wide, met, lanes, pose, speed_m_s)
+        open_, walls = self._open(search), self._at_walls(search)
         searched, stepped = _best(open_, failed, *_SEARCHED), _best(walls, failed, *_STEPPED)
         goals = [(cost_s, Goal(x_m, y_m)) for cost_s, x_m, y_m, _ in searched]
         goals += [(cost_s, Goal(*pose)) for cost_s, *pose in stepped]
@@ -114,16 +130,9 @@ class PlacesAside:
                 return plan
         return None
 
-    def _open(
-        self,
-        space: PlanningMap,
-        wide: NDArray[np.bool_],
-        met: Lane,
-        lanes: Sequence[Lane],
-        pose: SE2,
-        speed_m_s: float,
-    ) -> _Places:
+    def _open(self, search: _Search) -> _Places:
         """Return the places where the robot can turn on the spot, and no lane comes near."""
+        space, wide, met, lanes, pose, speed_m_s = search
         margin = self._tools.config.margin_m / space.grid.resolution_m
         floor = wide & (space.clearance >= space.circumscribed + margin)
         places = space.grid.centre_of(np.argwhere(floor))
@@ -145,16 +154,9 @@ class PlacesAside:
         costs_s = away_m / speed_m_s + turns_s - _LATE * met.ahead_m(places) / met.speed_m_s
         return _Places(np.column_stack([places, bearings]), costs_s)
 
-    def _at_walls(
-        self,
-        space: PlanningMap,
-        wide: NDArray[np.bool_],
-        met: Lane,
-        lanes: Sequence[Lane],
-        pose: SE2,
-        speed_m_s: float,
-    ) -> _Places:
+    def _at_walls(self, search: _Search) -> _Places:
         """Return the places beside the lane of who is met, parallel to it, that leave room."""
+        space, wide, met, lanes, pose, speed_m_s = search
         ahead, left = np.array([met.ahead_x, met.ahead_y]), np.array([-met.ahead_y, met.ahead_x])
         here = np.array([pose.x_m, pose.y_m])
         along_m, beside_m = (each.ravel() for each in np.meshgrid(_ALONG_M, _BESIDE_M))

@@ -82,6 +82,41 @@ def test_who_comes_from_behind_is_let_pass():
     assert walk.least_m > 0.05
 
 
+class Heard(Walk):
+    """The same, but the robot only hears how far away they are, up to 4 m on its line."""
+
+    def __call__(self, bench):
+        x_m = self.x_m + self.speed_m_s * bench.now_ns * 1e-9
+        self.least_m = min(self.least_m, gap_m(bench.pose, x_m, self.y_m))
+        away = bench.pose.inverse() @ SE2(x_m, self.y_m, 0.0)
+        is_heard = abs(away.x_m) < 4.0 and abs(math.atan2(away.y_m, abs(away.x_m))) < 0.2
+        c, s = math.cos(bench.pose.theta_rad), math.sin(bench.pose.theta_rad)
+        nears_m_s = math.copysign(self.speed_m_s * c, -away.x_m * self.speed_m_s * c)
+        row = [
+            bench.pose.x_m + away.x_m * c, bench.pose.y_m + away.x_m * s,
+            abs(nears_m_s) * -math.copysign(c, away.x_m),
+            abs(nears_m_s) * -math.copysign(s, away.x_m), 0.25,
+        ]  # fmt: skip
+        comes = away.x_m * self.speed_m_s * c < 0.0
+        bench.pilot.tools.world.heard = np.array([row] if is_heard and comes else []).reshape(-1, 5)
+
+
+@pytest.mark.parametrize("beside_m", [-0.15, 0.0, 0.15])
+@pytest.mark.parametrize(("begins_m", "speed_m_s", "start_m"), [(13.0, -0.5, 4.0), (0.4, 0.6, 2.6)])
+def test_who_is_only_heard_is_given_way_to_out_of_the_corridor(
+    begins_m, speed_m_s, start_m, beside_m
+):
+    walk = Heard(begins_m, 2.0 + beside_m, speed_m_s)
+    bench, end = drive(walk, SE2(start_m, 2.0, 0.0))
+    assert GiveWay.text in bench.texts
+    assert end.status is Status.DONE
+    assert walk.least_m > 0.03
+    config = NavigationConfig(journey=JourneyConfig(people=PeopleConfig(give_way_s=0.0)))
+    walk = Heard(begins_m, 2.0 + beside_m, speed_m_s)
+    drive(walk, SE2(start_m, 2.0, 0.0), config)
+    assert walk.least_m < 0.0  # so the test can fail
+
+
 PATH = np.column_stack([np.linspace(0.0, 8.0, 161), np.zeros(161), np.zeros(161)])
 
 

@@ -343,6 +343,7 @@ export interface LocalisationState {
   readonly loops: readonly ClosedLoop[];
   readonly verdict: string;
   readonly paused: boolean;
+  readonly tracked: boolean;
 }
 
 export interface Notice {
