@@ -464,7 +464,7 @@ class Simulation:
         """Return the robot as people who look see it."""
         plant = self.plant
         pose = plant.x_m, plant.y_m, plant.theta_rad
-        corners = [corner for piece in self.config.pieces for corner in piece]
+        corners = [corner for piece in self.config.bodies[plant.body_state] for corner in piece]
         return body_disc(corners, pose, plant.motion)
 
     def _step_plant(self, now_ns: int) -> int:
