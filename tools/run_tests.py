@@ -39,7 +39,10 @@ INTERFACE = "vcan0"
 # Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
 DRIVERS = ("tests/vcan", "tests/drivers/can/test_can_port_contract.py")
 HIL = tuple(sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("hil_tests/test_*.py")))
-LONG = tuple(f"hil_tests/test_{name}.py" for name in ("8_mission", "12_robot_faults", "13_runs"))
+LONG = tuple(
+    f"hil_tests/test_{name}.py"
+    for name in ("8_mission", "12_robot_faults", "13_runs", "16_procedures")
+)
 """As long as all other HIL tests together, in a guest."""
 
 MISSION_TESTS = tuple(f"hil_tests/test_{name}.py" for name in ("13_runs", "8_mission"))
