@@ -39,6 +39,8 @@ from robotctl.model.wall_map import WallMap
 
 _HIDDEN_SIGMAS: Final = 3.0
 """Standard deviations before the map's echo from which on something hides that."""
+_MOST_HIDDEN: Final = 2
+"""Echoes of one instant that somebody may hide: more of them are another place."""
 _HIDDEN_LIKELIHOOD: Final = 0.5
 """Least likelihood of such an echo where people are forgiven, as a share of a perfect one's."""
 
@@ -118,7 +120,8 @@ class SonarModel:
     ) -> NDArray[np.float64]:
         """Return log p of each reading that there is at each pose, (n, k).
 
-        One that is nearer than the map allows has the share `hidden` of a perfect one's at least.
+        Of those that are nearer than the map allows, `_MOST_HIDDEN` at each pose have the share
+        `hidden` of a perfect one's at least.
         """
         present = np.flatnonzero(~np.isnan(ranges_m))
         if len(present) == 0:
@@ -130,7 +133,9 @@ class SonarModel:
             sigma = self.config.sigma_m + self.config.sigma_per_m * measured
             is_hidden = measured + _HIDDEN_SIGMAS * sigma < expected
             least = math.log(hidden) + self._perfect(measured)
-            logs = np.where(is_hidden, np.maximum(logs, least), logs)
+            gains = np.where(is_hidden, np.maximum(least - logs, 0.0), 0.0)
+            np.put_along_axis(gains, np.argsort(-gains, axis=1)[:, _MOST_HIDDEN:], 0.0, axis=1)
+            logs = logs + gains
         return logs
 
     def _perfect(self, measured: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -81,6 +81,31 @@ def test_forgiven_is_what_is_nearer_than_the_map_allows_and_nothing_else():
     assert nothing.forgiven(here).item() == nothing(here).item() == 0.0
 
 
+def test_two_echoes_of_an_instant_are_forgiven_and_those_that_cost_most():
+    """Somebody hides what few sonars look at; a place with nearer walls speaks against the belief.
+
+    The product is not tempered here, so that each sonar's share can be added.
+    """
+    ring = tuple(SonarMount(f"sonar_{i}", 0.0, 0.0, 90.0 * i) for i in range(4))
+    config = SonarModelConfig(beam_deg=10.0, independent_readings=4.0)
+    here = np.array([[2.0, 1.0, 0.0]])
+    expected = np.array([1.0, 1.0, 2.0, 1.0])
+    hidden = expected - np.array([0.3, 0.4, 0.5, 0.6])
+
+    def lost(count):
+        readings = np.where(np.arange(4) < count, hidden, expected)
+        measured = SonarModel(ROOM, ring, config).measurement(readings)
+        return measured(here).item(), measured.forgiven(here).item()
+
+    alone = np.diff([lost(count)[0] for count in range(5)])  # each echo's by itself
+    for count in range(5):
+        strict, kind = lost(count)
+        dearest = np.sort(alone[:count])[:2]
+        forgiven = strict - dearest.sum() + len(dearest) * math.log(0.5)
+        assert kind == pytest.approx(forgiven)
+        assert count < 3 or kind < 2.0 * math.log(0.5) - 1.0
+
+
 def test_readings_that_are_not_one_for_each_sonar_are_refused():
     with pytest.raises(ValueError, match=r"each of 2 sonars, found \(3,\)"):
         SonarModel(ROOM, MOUNTS).log_likelihood(np.zeros((1, 3)), np.ones(3))
