@@ -216,6 +216,9 @@ class RecoveryConfig:
         Distance that it drives back by the way it came [m], 0.1 to 20, for `retrace`.
     ask_s
         Time for which it waits for an answer [s], 0 to 86400, for `ask`.
+    people_s
+        Time for which it begins its ladder anew, in place of giving up, while somebody has been
+        near lately [s], 0 to 86400.
 
     Raises
     ------
@@ -237,6 +240,7 @@ class RecoveryConfig:
     )
     retrace_m: float = 2.0
     ask_s: float = 120.0
+    people_s: float = 60.0
 
     def __post_init__(self) -> None:
         for key, most in (
@@ -244,6 +248,7 @@ class RecoveryConfig:
             ("retries", MOST_RETRIES),
             ("back_off_m", FARTHEST_BACK_M),
             ("ask_s", LONGEST_WAIT_S),
+            ("people_s", LONGEST_WAIT_S),
         ):
             value = getattr(self, key)
             if not 0 <= value <= most:

@@ -53,6 +53,8 @@ _SOON_S: Final = 1.0
 """Time of a motion backwards that must be on known floor [s]; turns on the spot creep back."""
 _SCAN_S: Final = 0.1
 """Age of what a lidar shows [s]."""
+_LATELY_NS: Final = 10_000_000_000
+"""Time for which somebody who was near may be what is in the way [ns]."""
 _LOOKS_M_S: Final = 0.1
 """Speed at which the robot may come to see more, however little it sees [m/s]."""
 _PERMANENT_FAILURES: Final = frozenset(
@@ -108,6 +110,10 @@ class Journey(Behaviour):
         self._ladder = Ladder(self._tools.recovery, can_turn=not self._tools.paths.steered)
         self._ladder_goal = self._replanner.goal
         """Goal that the tries of the ladder count for."""
+        self._met_ns: int | None = None
+        """When somebody was near last [ns]."""
+        self._given_up_ns: int | None = None
+        """When it would have given up first, had nobody been near, without progress since [ns]."""
         self._replanner.reset()
         self._tools.paths.begin_journey()
         self.pause()
@@ -118,7 +124,7 @@ class Journey(Behaviour):
         self._replanner.redirect(goal)
         if math.dist(goal[:2], self._ladder_goal[:2]) > _ELSEWHERE_M:
             self._ladder_goal = goal
-            self._closed = None
+            self._closed = self._given_up_ns = None
             self._ladder.restart()
             self._tools.paths.begin_journey()
 
@@ -157,6 +163,8 @@ class Journey(Behaviour):
         if self._replanner.route is None and self._replanner.stands_there(pose):
             return done()
         self._note_progress(pose)
+        if self._tools.world.is_somebody_near(pose):
+            self._met_ns = now_ns
         if (output := self._step_aside(situation, now_ns)) is not None:
             return output
         if (output := self._recover(situation, now_ns)) is not None:
@@ -212,6 +220,7 @@ class Journey(Behaviour):
             self._progress.follow(pose)
             if self._progress.driven_m > self._tools.journey.rungs.progress_m:
                 self._ladder.progress()
+                self._given_up_ns = None
         else:
             self._progress.stand(pose)
         if (
@@ -331,6 +340,9 @@ class Journey(Behaviour):
     def _in_trouble(self, reason: str, pose: SE2, now_ns: int) -> BehaviourOutput:
         """Take the next rung of the ladder; fail where there is none."""
         name = self._ladder.climb()
+        if name is None and self._waits_for_people(now_ns):
+            self._ladder.restart()
+            name = self._ladder.climb()
         trouble = Trouble(reason, now_ns, pose, self._place_ahead(pose), self._progress.track)
         self._replanner.route, self._progress.driven_m = None, 0.0
         self._stuck.reset()
@@ -338,6 +350,14 @@ class Journey(Behaviour):
             return failed(f"gave up after {counted(self._ladder.tries, 'try', 'tries')}: {reason}")
         self._rung = RUNGS[name](trouble, self._tools)
         return BehaviourOutput(0.0, 0.0, text=self._rung.text, asks=self._rung.asks)
+
+    def _waits_for_people(self, now_ns: int) -> bool:
+        """Return whether somebody may be why it does not get on, and it is still patient."""
+        if self._met_ns is None or now_ns - self._met_ns > _LATELY_NS:
+            return False
+        if self._given_up_ns is None:
+            self._given_up_ns = now_ns
+        return now_ns - self._given_up_ns < round(1e9 * self._tools.recovery.people_s)
 
     def _place_ahead(self, pose: SE2) -> tuple[float, float]:
         """Return where the robot does not get on: a little ahead, on its path if it has one."""

@@ -241,6 +241,44 @@ def test_no_path_is_no_trouble_yet_while_somebody_is_near():
     assert 6.0 <= began[0] <= 6.8
 
 
+@pytest.mark.parametrize(("people_s", "arrives"), [(60.0, True), (0.0, False)])
+def test_while_somebody_may_be_what_is_in_the_way_it_does_not_give_up(people_s, arrives):
+    """Somebody stands in a door, leaves the robot's side at 60 s, and the door at 65 s."""
+    recovery = RecoveryConfig(people_s=people_s, wait_s=2.0, ladder=("wait",))
+    config = NavigationConfig(recovery=recovery)
+    bench = Bench(two_rooms(0.0), two_rooms(0.8), config=config)
+
+    def watches(bench):
+        near = [[bench.pose.x_m + 1.0, 2.0, 0.0, 0.5, 0.2]] if bench.now_ns < 60e9 else []
+        bench.pilot.tools.world.moving = np.array(near).reshape(-1, 5)
+        if bench.now_ns > 65e9:
+            bench.world = two_rooms(0.8)
+
+    end = bench.drive(5.0, 2.0, seconds=120.0, each=watches)
+    assert end.status is (Status.DONE if arrives else Status.FAILED)
+    assert arrives or bench.now_ns < 65e9
+
+
+def test_however_long_somebody_stays_it_gives_up_in_the_end():
+    recovery = RecoveryConfig(people_s=40.0, wait_s=2.0, ladder=("wait",))
+    config = NavigationConfig(recovery=recovery)
+    ends_s = []
+    for somebody in (False, True):
+        bench = Bench(two_rooms(0.0), two_rooms(0.8), config=config)
+
+        def watches(bench, somebody=somebody):
+            if somebody:
+                near = [[bench.pose.x_m + 1.0, 2.0, 0.0, 0.5, 0.2]]
+                bench.pilot.tools.world.moving = np.array(near)
+
+        end = bench.drive(5.0, 2.0, seconds=200.0, each=watches)
+        assert end.status is Status.FAILED
+        assert end.text.startswith("gave up after ")
+        ends_s.append(bench.now_ns * 1e-9)
+    alone_s, with_somebody_s = ends_s
+    assert alone_s + 40.0 < with_somebody_s < alone_s + 40.0 + 30.0
+
+
 def test_people_can_see_what_it_drives_by_while_it_drives():
     world = room()
     world[28:52, 55:63] = 100
