@@ -186,7 +186,7 @@ class Navigator:
         self._use_body(tables["body"])
 
     def _use_body(self, body: BodyConfig) -> None:
-        """Take another state of the body; the way is planned anew."""
+        """Change the body to another state; the way is planned anew."""
         footprint = body.footprint
         if footprint is None or body.state == self._body_state:
             return

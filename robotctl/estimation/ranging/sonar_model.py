@@ -40,7 +40,7 @@ from robotctl.model.wall_map import WallMap
 _HIDDEN_SIGMAS: Final = 3.0
 """Standard deviations before the map's echo from which on something hides that."""
 _MOST_HIDDEN: Final = 2
-"""Echoes of one instant that somebody may hide: more of them are another place."""
+"""Maximum number of echoes of one instant that are forgiven: more speak of another place."""
 _HIDDEN_LIKELIHOOD: Final = 0.5
 """Least likelihood of such an echo where people are forgiven, as a share of a perfect one's."""
 

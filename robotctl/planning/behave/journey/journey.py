@@ -54,7 +54,7 @@ _SOON_S: Final = 1.0
 _SCAN_S: Final = 0.1
 """Age of what a lidar shows [s]."""
 _LATELY_NS: Final = 10_000_000_000
-"""Time for which somebody who was near may be what is in the way [ns]."""
+"""Time since somebody was near in which they may still be in the way [ns]."""
 _LOOKS_M_S: Final = 0.1
 """Speed at which the robot may come to see more, however little it sees [m/s]."""
 _PERMANENT_FAILURES: Final = frozenset(
@@ -111,9 +111,9 @@ class Journey(Behaviour):
         self._ladder_goal = self._replanner.goal
         """Goal that the tries of the ladder count for."""
         self._met_ns: int | None = None
-        """When somebody was near last [ns]."""
+        """Last time at which somebody was near [ns]."""
         self._given_up_ns: int | None = None
-        """When it would have given up first, had nobody been near, without progress since [ns]."""
+        """Time of the first end of the ladder since the last progress [ns]."""
         self._replanner.reset()
         self._tools.paths.begin_journey()
         self.pause()
@@ -352,7 +352,7 @@ class Journey(Behaviour):
         return BehaviourOutput(0.0, 0.0, text=self._rung.text, asks=self._rung.asks)
 
     def _waits_for_people(self, now_ns: int) -> bool:
-        """Return whether somebody may be why it does not get on, and it is still patient."""
+        """Return whether the robot, perhaps held up by somebody, is still patient."""
         if self._met_ns is None or now_ns - self._met_ns > _LATELY_NS:
             return False
         if self._given_up_ns is None:
