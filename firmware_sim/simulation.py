@@ -9,7 +9,6 @@ sonar, a guard, or a read of the truth.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -29,7 +28,7 @@ from firmware_sim.config.motors import OWN_KIND, motor_table
 from firmware_sim.config.parameters import LidarParameters
 from firmware_sim.drives.registry import true_drive
 from firmware_sim.drives.twin import Motor, Twin
-from firmware_sim.errors import SimulationError
+from firmware_sim.errors import SimulationError, nearest
 from firmware_sim.faults.faults import Faults
 from firmware_sim.faults.faulty_imu import FaultyImu
 from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
@@ -51,7 +50,7 @@ from firmware_sim.nodes.power import BatterySample, PowerNode
 from firmware_sim.nodes.power_stage import MotorAxis
 from firmware_sim.nodes.sonar import Ranges, SonarNode
 from firmware_sim.plant.axis import Mode
-from firmware_sim.plant.body_disc import body_disc
+from firmware_sim.plant.body_disc import BodyDisc
 from firmware_sim.plant.plant import STEP_NS, Plant
 from firmware_sim.sensors.imu import BodyMotion, Imu
 from firmware_sim.sensors.lidar import Lidar
@@ -160,8 +159,13 @@ class Simulation:
         self._path = deque[tuple[int, float, float, float]]()
         """Times and poses of the last moments, if a lidar sweeps."""
         self._path_ns = max((round(1e9 * abs(each.sweep_s)) for each in lidars), default=0)
-        is_lonely = not (people or room.people)
-        self._people = None if is_lonely else People(room, people, streams[6], manners)
+        walks = people or room.people
+        self._people = People(room, people, streams[6], manners) if walks else None
+        self._discs = [
+            BodyDisc.around([corner for piece in pieces for corner in piece])
+            for pieces in config.bodies
+        ]
+        """The robot as people see it, for each state of its body."""
         self._people_ns, self._motion_before = start_ns, self.plant.motion
         memory = _memory(state_directory)
         self.stores: dict[str, FragileStore] = {}
@@ -464,8 +468,7 @@ class Simulation:
         """Return the robot as people who look see it."""
         plant = self.plant
         pose = plant.x_m, plant.y_m, plant.theta_rad
-        corners = [corner for piece in self.config.bodies[plant.body_state] for corner in piece]
-        return body_disc(corners, pose, plant.motion)
+        return self._discs[plant.body_state].moving(pose, plant.motion)
 
     def _step_plant(self, now_ns: int) -> int:
         steps = (now_ns - self._plant_ns) // STEP_NS
@@ -593,9 +596,8 @@ def _check_names(config: RobotConfig) -> None:
     for key, names in named:
         for name in names:
             if name not in NODE_NAMES:
-                near = difflib.get_close_matches(name, NODE_NAMES, n=1)
-                hint = f'did you mean "{near[0]}"?' if near else f"allowed: {', '.join(NODE_NAMES)}"
-                raise SimulationError(f"{key}: no node {name!r}; {hint}")
+                hint = nearest(name, NODE_NAMES) or f"; allowed: {', '.join(NODE_NAMES)}"
+                raise SimulationError(f"{key}: no node {name!r}{hint}")
 
 
 def _allowed(config: RobotConfig) -> Allowed:

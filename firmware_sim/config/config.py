@@ -8,7 +8,6 @@ read here an unknown key is an error; all errors of a file are reported at once.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
 import re
 import reprlib
@@ -27,7 +26,7 @@ from firmware_sim.config.outline import BodySection, pieces_of
 from firmware_sim.config.parameters import ImuMount, SimulationParameters, SonarMount
 from firmware_sim.config.quantities import Point, Positive
 from firmware_sim.config.toml_lines import Key, key_lines
-from firmware_sim.errors import SimulationError
+from firmware_sim.errors import SimulationError, nearest
 
 T = TypeVar("T")
 
@@ -179,7 +178,7 @@ class RobotConfig:
         drives = [motor.name for motor in self.motors]
         for name in self.simulation.twin:
             if name not in drives:
-                raise ValueError(f"simulation.twin.{name}: no such drive{_hint(name, drives)}")
+                raise ValueError(f"simulation.twin.{name}: no such drive{nearest(name, drives)}")
         if self.camera is not None:
             self.simulation.camera.true_mount(self.camera.mount)
         names = [bus.name for bus in self.buses]
@@ -187,7 +186,7 @@ class RobotConfig:
             raise ValueError(f"can: each bus must have a name of its own, found {', '.join(names)}")
         for node, name in self.nodes.items():
             if name not in names:
-                raise ValueError(f"nodes.{node}: no bus {name!r}{_hint(name, names)}")
+                raise ValueError(f"nodes.{node}: no bus {name!r}{nearest(name, names)}")
 
     @property
     def outline(self) -> tuple[Point, ...]:
@@ -282,7 +281,7 @@ def parse_override(text: str) -> tuple[str, Any]:
     tables = [field.name for field in dataclasses.fields(RobotConfig)]
     if table not in tables:
         own = [field.name for field in dataclasses.fields(SimulationParameters)]
-        hint = f'; did you mean "simulation.{key}"?' if table in own else _hint(table, tables)
+        hint = f'; did you mean "simulation.{key}"?' if table in own else nearest(table, tables)
         raise SimulationError(
             f"--set {text}: the simulator reads no table {table}, allowed: "
             f"{', '.join(tables)}{hint}"
@@ -329,7 +328,7 @@ def _problem(file: TomlFile, key: Key, item: Any, known: list[str]) -> tuple[Key
     """Return the key to blame and what is wrong with it."""
     kind, found, context = item["type"], item["input"], item.get("ctx", {})
     if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
-        return key, f"unknown key{_hint(str(item['loc'][-1]), known)}"
+        return key, f"unknown key{nearest(str(item['loc'][-1]), known)}"
     if kind == "missing":
         return key, "missing"
     if kind == "union_tag_not_found":
@@ -340,7 +339,7 @@ def _problem(file: TomlFile, key: Key, item: Any, known: list[str]) -> tuple[Key
     if kind == "union_tag_invalid":
         key, found = (*key, "kind"), context["tag"]
         allowed = context["expected_tags"].replace("'", "")
-        rule, hint = f"must be one of {allowed}", _hint(found, allowed.split(", "))
+        rule, hint = f"must be one of {allowed}", nearest(found, allowed.split(", "))
     elif kind in {"dataclass_type", "model_attributes_type"}:
         rule = "must be a table"
     elif kind == "tuple_type":
@@ -353,7 +352,7 @@ def _problem(file: TomlFile, key: Key, item: Any, known: list[str]) -> tuple[Key
         rule = item["msg"].replace("Input should be", "must be")
         rule = rule.replace("String should match pattern", "must match")
         if kind in {"enum", "literal_error"}:
-            hint = _hint(str(found), _QUOTED.findall(context["expected"]))
+            hint = nearest(str(found), _QUOTED.findall(context["expected"]))
     return key, f"{rule}, found {reprlib.repr(found)}{hint}"
 
 
@@ -379,11 +378,6 @@ def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else str(value)
-
-
-def _hint(word: str, allowed: list[str]) -> str:
-    near = difflib.get_close_matches(word, allowed, n=1)
-    return f'; did you mean "{near[0]}"?' if near else ""
 
 
 def _known_keys(adapter: TypeAdapter[T]) -> list[str]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from firmware_sim.config.quantities import Point, closed
+from firmware_sim.errors import nearest
 
 FARTHEST_CORNER_M = 10.0
 
@@ -40,7 +41,14 @@ class BodySection:
         if self.outline:
             check_outline("outline", self.outline)
         if self.state is not None and not 0 <= self.state < len(self.states):
-            raise ValueError(f"state: {self.state}; allowed are 0 to {len(self.states) - 1}")
+            last = len(self.states) - 1
+            allowed = f"allowed are 0 to {last}" if self.states else "there are no states"
+            raise ValueError(f"state: {self.state}; {allowed}")
+        for part in self.part:
+            for name in part.states:
+                if name not in self.states:
+                    hint = nearest(name, self.states)
+                    raise ValueError(f"part: {part.name} names no such state as {name!r}{hint}")
 
 
 def check_outline(key: str, corners: tuple[Point, ...]) -> None:

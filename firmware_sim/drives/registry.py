@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, Final
@@ -16,7 +15,7 @@ from firmware_sim.drives.config import MotorSection
 from firmware_sim.drives.moteus.config import MoteusMotor
 from firmware_sim.drives.odrive.config import ODriveMotor
 from firmware_sim.drives.vesc.config import VescMotor
-from firmware_sim.errors import SimulationError
+from firmware_sim.errors import SimulationError, nearest
 
 TWINS: Final[Mapping[str, type[MotorSection]]] = {
     "cia402": Cia402Motor,
@@ -46,8 +45,7 @@ def true_drive(table: MotorTable, found: Mapping[str, Any]) -> tuple[MotorSectio
     section = TWINS.get(table.kind)
     if section is None:
         kinds = [OWN_KIND, *TWINS]
-        near = difflib.get_close_matches(table.kind, kinds, n=1)
-        hint = f'; did you mean "{near[0]}"?' if near else f", allowed: {', '.join(kinds)}"
+        hint = nearest(table.kind, kinds) or f", allowed: {', '.join(kinds)}"
         raise SimulationError(f"motor {table.name}: no kind {table.kind!r}{hint}")
     names = {each.name for each in dataclasses.fields(section)}  # type: ignore[arg-type]
     true = {key: value for key, value in found.items() if key in names}

@@ -25,11 +25,11 @@ from firmware_sim.bus.faults import (
     Unanswered,
 )
 from firmware_sim.bus.frame import EXTENDED_FLAG, EXTENDED_MASK
-from firmware_sim.errors import SimulationError
+from firmware_sim.errors import SimulationError, nearest
 from firmware_sim.faults import actions as act
 from firmware_sim.faults import fits
 from firmware_sim.faults.faulty_parts import RELEASE_V, RESET_V, REVERSED, STUCK
-from firmware_sim.faults.parameters import DURATION, Parameter, Value, nearest, shown
+from firmware_sim.faults.parameters import DURATION, Parameter, Value, shown
 from firmware_sim.nodes import wire
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import reprlib
 from functools import partial
 
-from firmware_sim.errors import SimulationError
+from firmware_sim.errors import SimulationError, nearest
 from firmware_sim.faults.catalogue import CATALOGUE, Kind
 from firmware_sim.faults.faulty_robot import FaultyRobot
-from firmware_sim.faults.parameters import DURATION, Arguments, Undo, Value, nearest, shown
+from firmware_sim.faults.parameters import DURATION, Arguments, Undo, Value, shown
 
 CLEAR = "clear"
 

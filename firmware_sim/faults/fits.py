@@ -13,7 +13,8 @@ from firmware_sim.bus.frame import EXTENDED_FLAG, FD_FLAG
 from firmware_sim.config.motors import OWN_KIND
 from firmware_sim.drives.config import Guard, MotorSection
 from firmware_sim.drives.registry import true_drive
-from firmware_sim.faults.parameters import Arguments, nearest, shown
+from firmware_sim.errors import nearest
+from firmware_sim.faults.parameters import Arguments, shown
 from firmware_sim.nodes import drive_objects, power, sonar, standard_objects, wire
 from firmware_sim.nodes.kinds import NODES, has_own_controller
 
@@ -90,8 +91,8 @@ def body(robot: RobotConfig, arguments: Arguments) -> Misfits:
     if not states:
         yield KIND, "the robot's file has no states in [body]"
     elif given not in states:
-        allowed = ", ".join(states)
-        yield "state", f"{shown(given)!r}, allowed: {allowed}{nearest(given, states)}"
+        hint = nearest(given, states)
+        yield "state", f"{shown(given)!r}, allowed: {', '.join(states)}{hint}"
 
 
 def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:

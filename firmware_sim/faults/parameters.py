@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import reprlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from firmware_sim.errors import SimulationError
+from firmware_sim.errors import SimulationError, nearest
 
 Value: TypeAlias = str | float
 Arguments: TypeAlias = Mapping[str, Value]
@@ -79,12 +78,6 @@ class Parameter:
             found = f"{number:.0f}" if self.whole else f"{number:g}"
             raise SimulationError(f"{found}, allowed: {self.bounds}")
         return number
-
-
-def nearest(word: str, allowed: Iterable[str]) -> str:
-    """Return `; did you mean "..."?` for the name nearest to `word`; nothing if none is near."""
-    near = difflib.get_close_matches(word, list(allowed), n=1)
-    return f'; did you mean "{near[0]}"?' if near else ""
 
 
 def shown(key: str) -> str:

@@ -30,10 +30,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from firmware_sim.config.toml_lines import Key, key_lines
-from firmware_sim.errors import SimulationError
+from firmware_sim.errors import SimulationError, nearest
 from firmware_sim.faults.catalogue import CATALOGUE, Kind
 from firmware_sim.faults.fits import KIND
-from firmware_sim.faults.parameters import DURATION, FAILED, Value, nearest, shown
+from firmware_sim.faults.parameters import DURATION, FAILED, Value, shown
 
 if TYPE_CHECKING:
     from firmware_sim.config.config import RobotConfig

@@ -69,11 +69,12 @@ class Plant:
         self._chassis = chassis
         self._world = world
         self._segments = world.touchable
-        self._outlines = [body_outline(pieces) for pieces in config.bodies]
+        bodies = config.bodies
+        self._outlines = [body_outline(pieces) for pieces in bodies]
         self.use_body(config.body.state or 0)
         corner, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
         self._p["grid_x"], self._p["grid_y"] = corner
-        self._rows = contact_rows(chassis, self._p, max(map(len, config.bodies)))
+        self._rows = contact_rows(chassis, self._p, max(map(len, bodies)))
         self._noise = noise_state(rng)
         self.discs = np.empty((0, 3))
         self._body = np.zeros(1, BODY)
@@ -121,7 +122,7 @@ class Plant:
         self._body_numbers[_STEERING_CMD] = angle_rad
 
     def use_body(self, state: int) -> None:
-        """Put on, lift or leave what makes up a state of the body, by its number in the file."""
+        """Change the body to a state, by its number in the file."""
         self.body_state, self._outline = state, self._outlines[state]
 
     def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:

@@ -34,8 +34,7 @@ class FreeSpace:
         low_x, low_y, high_x, high_y = world.bounds
         area_m2 = (high_x - low_x) * (high_y - low_y)
         self._cell_m = max(CELL_M, math.sqrt(area_m2 / MOST_CELLS))
-        self._left_m, self._bottom_m = low_x, low_y
-        self._low = np.array([low_x, low_y])
+        self._low = low_x, low_y
         shape = (
             math.ceil((high_y - low_y) / self._cell_m),
             math.ceil((high_x - low_x) / self._cell_m),
@@ -96,8 +95,9 @@ class FreeSpace:
 
     def is_free(self, place: tuple[float, float]) -> bool:
         """Whether a place x, y [m] is in a free cell."""
-        column = math.floor((place[0] - self._left_m) / self._cell_m)
-        row = math.floor((place[1] - self._bottom_m) / self._cell_m)
+        column, row = (
+            math.floor((at - low) / self._cell_m) for at, low in zip(place, self._low, strict=True)
+        )
         rows, columns = self._free.shape
         return 0 <= row < rows and 0 <= column < columns and bool(self._free[row, column])
 
@@ -122,8 +122,7 @@ class FreeSpace:
 
     def cells(self) -> Cells:
         """Return the free cells as those of a map."""
-        x_m, y_m = self._low.tolist()
-        return Cells(~self._free, self._free, self._cell_m, (x_m, y_m, 0.0))
+        return Cells(~self._free, self._free, self._cell_m, (*self._low, 0.0))
 
     def _cell(self, place: np.ndarray) -> tuple[int, int]:
         """Return row and column of a place."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
+
+from firmware_sim.errors import nearest
 
 
 class Manner(StrEnum):
@@ -42,11 +43,9 @@ def parse_manners(text: str) -> tuple[Manner, ...]:
     manners = [each.value for each in Manner]
     for word in text.split(","):
         if word not in manners:
-            near = difflib.get_close_matches(word, [*manners, MIXED], n=1)
-            hint = f'; did you mean "{near[0]}"?' if near else ""
             raise argparse.ArgumentTypeError(
                 f"{word!r} is no manner of walking; allowed: {', '.join(manners)}, several with "
-                f"commas, {MIXED}{hint}"
+                f"commas, {MIXED}{nearest(word, [*manners, MIXED])}"
             )
     return tuple(Manner(word) for word in text.split(","))
 

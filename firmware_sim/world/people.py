@@ -129,9 +129,10 @@ class People:
             before = person.place
             walks = now_ns >= person.stands_ns
             if walks:
-                gap_m, _ = contact(person.ahead(), RADIUS_M)
+                ahead = person.ahead()
+                gap_m, _ = contact(ahead, RADIUS_M)
                 if gap_m > 0.0:  # nobody walks into the robot
-                    person.go()
+                    person.go(ahead)
             else:
                 gap_m, _ = contact(before, RADIUS_M)
             if gap_m > PARTED_M:

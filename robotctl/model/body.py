@@ -61,7 +61,7 @@ class BodyConfig:
     states
         Names of its states, such as with and without a load; parts may be there in some only.
     state
-        Present state, by its place in `states` from 0 on.
+        Present state of the body, by its place in `states` from 0 on.
     part
         What belongs to the body beside that.
 
@@ -107,25 +107,19 @@ class BodyConfig:
     @property
     def footprint(self) -> Footprint | None:
         """The outline with all parts that are there now; None if there is none."""
-        return self.footprints[self.state or 0] if self.outline else None
+        return self._in(self.states[self.state] if self.state is not None else "")
 
     @property
     def footprints(self) -> tuple[Footprint, ...]:
         """The outline with its parts in each state, or the only one; none if there is none."""
-        if not self.outline:
-            return ()
-        corners = _to_the_left(self.outline)
-        return tuple(
-            Footprint(
-                corners,
-                tuple(
-                    _to_the_left(part.outline)
-                    for part in self.part
-                    if not part.states or state in part.states
-                ),
-            )
-            for state in self.states or ("",)
-        )
+        found = map(self._in, self.states or ("",))
+        return tuple(each for each in found if each is not None)
+
+    def _in(self, state: str) -> Footprint | None:
+        """Return the outline with the parts of a state; None if there is none."""
+        parts = (part for part in self.part if not part.states or state in part.states)
+        corners = tuple(_to_the_left(part.outline) for part in parts)
+        return Footprint(_to_the_left(self.outline), corners) if self.outline else None
 
 
 _AROUND_BASE: Final = ((1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0))

@@ -53,6 +53,15 @@ def side_rows(footprint: Footprint) -> Sides:
     return np.array(rows).reshape(-1, 7)
 
 
+def covers(body: Sides, points: NDArray[np.float64], margin_m: float = 0.0) -> NDArray[np.bool_]:
+    """Return which points (n, 2) of `base` lie in a body that is grown by a margin, (n,) [m]."""
+    inside = points @ body[:, :OFFSET].T - body[:, OFFSET] < margin_m
+    covered = np.zeros(len(points), np.bool_)
+    for piece in range(1 + int(body[:, PIECE].max(initial=OPEN))):
+        covered |= inside[:, body[:, PIECE] == piece].all(axis=1)
+    return covered
+
+
 def _row(side: Side) -> tuple[float, float, float, float, float]:
     """Return normal, distance, and from where to where of a side."""
     (ax, ay), (bx, by) = side

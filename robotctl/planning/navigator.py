@@ -187,8 +187,7 @@ class Navigator:
 
     def _use_body(self, body: BodyConfig) -> None:
         """Change the body to another state; the way is planned anew."""
-        footprint = body.footprint
-        if footprint is None or body.state == self._body_state:
+        if body.state == self._body_state or (footprint := body.footprint) is None:
             return
         self._body_state = body.state
         self._robot.guard.use_body(footprint)

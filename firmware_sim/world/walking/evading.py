@@ -126,9 +126,9 @@ class Evading(Walker):
         (x_m, y_m), (vx_m_s, vy_m_s) = self.place, self._velocity
         return x_m + vx_m_s * STEP_S, y_m + vy_m_s * STEP_S
 
-    def go(self) -> None:
+    def go(self, ahead: Place) -> None:
         """Walk on at the chosen velocity."""
-        self.place = self.ahead()
+        self.place = ahead
 
     def turn_round(self) -> None:
         """Walk the path the other way."""

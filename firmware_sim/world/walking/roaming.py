@@ -56,7 +56,7 @@ class Roaming(Walker):
     """
 
     __slots__ = (
-        "_bend_rad", "_goes_s", "_habit", "_heading_rad", "_next", "_rng", "_space", "_speed_m_s",
+        "_bend_rad", "_goes_s", "_habit", "_heading_rad", "_rng", "_space", "_speed_m_s",
         "_stands_s",
     )  # fmt: skip
 
@@ -65,7 +65,6 @@ class Roaming(Walker):
     ) -> None:
         super().__init__(place)
         self._habit, self._space, self._rng = habit, space, rng
-        self._next = place
         self._heading_rad = float(rng.uniform(-math.pi, math.pi))
         self._draw(self._heading_rad)
 
@@ -94,17 +93,16 @@ class Roaming(Walker):
     def ahead(self) -> Place:
         """Return the place after a step; before a wall the next draw begins with standing."""
         if self._stands_s > 0.0:
-            self._next = self.place
-            return self._next
-        self._next = self._towards(self._speed_m_s * STEP_S)
-        if not self._space.is_free(self._next):
-            self._draw(self._heading_rad)
-            self._next = self.place
-        return self._next
+            return self.place
+        ahead = self._towards(self._speed_m_s * STEP_S)
+        if self._space.is_free(ahead):
+            return ahead
+        self._draw(self._heading_rad)
+        return self.place
 
-    def go(self) -> None:
+    def go(self, ahead: Place) -> None:
         """Do the step."""
-        self.place = self._next
+        self.place = ahead
         if self._stands_s > 0.0:
             self._stands_s -= STEP_S
             return

@@ -37,10 +37,9 @@ class Stubborn(Walker):
         """Return the place a step farther along the path."""
         return self._path.along(self._next_m)
 
-    def go(self) -> None:
+    def go(self, ahead: Place) -> None:
         """Walk on along the path."""
-        self.at_m = self._next_m
-        self.place = self._path.along(self.at_m)
+        self.at_m, self.place = self._next_m, ahead
 
     def turn_round(self) -> None:
         """Walk the path the other way."""

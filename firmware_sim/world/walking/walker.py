@@ -64,7 +64,7 @@ class Walker(ABC):
         """Return where the next step would end."""
 
     @abstractmethod
-    def go(self) -> None:
+    def go(self, ahead: Place) -> None:
         """Do the step that `ahead` returned."""
 
     @abstractmethod

@@ -95,7 +95,7 @@ class SimOptions:
 
     def __post_init__(self) -> None:
         """Check manners, and the bus as the robot's file is checked, also where it is unused."""
-        if self.manners and self.manner != STUBBORN and not self.people:
+        if self.manners != (STUBBORN,) and not self.people:  # which parses them
             raise ConfigError(f"--manner {self.manner}: nobody walks about; add --people N")
         kind, _, channel = self.bus.partition(":")
         if kind != "simcan" and channel:
@@ -165,8 +165,6 @@ class SimOptions:
 
         Simulated buses but the first have their name behind that of the channel.
         """
-        if self.manners and self.manner != STUBBORN and not self.people:
-            raise ConfigError(f"--manner {self.manner}: nobody walks about; add --people N")
         kind, _, channel = self.bus.partition(":")
         if kind == "simcan":
             first = channel or "simcan0"

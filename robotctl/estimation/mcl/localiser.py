@@ -163,7 +163,7 @@ class MonteCarloLocaliser:
         """Trust in the estimate."""
         if self._lost or self.fits_nowhere:
             return LocalisationStatus.LOST
-        if self._rival is None and self._belief.is_sure and not self._belief.searching:
+        if self._is_undisputed and self._belief.is_sure:
             return LocalisationStatus.LOCALISED
         return LocalisationStatus.SEARCHING
 
@@ -174,19 +174,16 @@ class MonteCarloLocaliser:
         Sonars tell nothing along a corridor: there the belief grows as odometry errs.
         """
         best, config = self._belief.best, self.config
+        if not (self._was_localised and self._is_undisputed):
+            return False
         sigma_m = Cluster(best.weight, *self._way.end(best.mean, best.covariance)).sigma_m
-        return (
-            self._was_localised
-            and self._is_undisputed
-            and best.weight >= config.localised_weight
-            and sigma_m <= config.tracked_m
-        )
+        return best.weight >= config.localised_weight and sigma_m <= config.tracked_m
 
     @property
     def _is_undisputed(self) -> bool:
         """Whether nothing speaks against the tracked place."""
-        is_known = self._rival is None and not self._belief.searching
-        return is_known and not self._lost and not self.fits_nowhere
+        is_tracking = self._rival is None and not self._belief.searching
+        return is_tracking and not self._lost and not self.fits_nowhere
 
     @property
     def fits_nowhere(self) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from robotctl.estimation.ranging.scan_messages import lidar_scan
 from robotctl.messages.estimation import LidarScan
-from robotctl.model.footprint_arrays import OFFSET, PIECE, Sides
+from robotctl.model.footprint_arrays import Sides, covers
 
 NEAR_M = 0.03
 """Distance from the body within which an echo is of the body [m]: outlines are drawn by hand."""
@@ -27,14 +27,9 @@ def without_body(message: LidarScan, body: Sides) -> LidarScan:
         scan = lidar_scan(message)
     except ValueError:
         return message
-    reach = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, np.nan)
-    x_m = scan.x_m + reach * np.cos(scan.angles_rad)
-    y_m = scan.y_m + reach * np.sin(scan.angles_rad)
-    own = np.zeros(len(reach), np.bool_)
-    for number in np.unique(body[body[:, PIECE] >= 0.0, PIECE]):
-        sides = body[body[:, PIECE] == number]
-        beyond_m = x_m[:, np.newaxis] * sides[:, 0] + y_m[:, np.newaxis] * sides[:, 1]
-        own |= (beyond_m - sides[:, OFFSET] <= NEAR_M).all(axis=1)
+    reach = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, np.nan)[:, np.newaxis]
+    beams = np.column_stack([np.cos(scan.angles_rad), np.sin(scan.angles_rad)])
+    own = covers(body, (scan.x_m, scan.y_m) + reach * beams, NEAR_M)
     if not own.any():
         return message
     ranges = np.where(own, np.nan, scan.ranges_m).astype("<f4").tobytes()

@@ -136,11 +136,11 @@ class ObstacleGuard:
         self._mounts = mounts
         self._answered: tuple[Twist, GuardStep] | None = None
         """The last motion that was asked for since something was observed, and its limit."""
-        self._corners: Sequence[Point] = _corners(mounts, config.half_width_m)
-        self.reach_over_m = config.nose_m, config.half_width_m
-        self._take(config.outline(mounts))
         if outline is not None:
             self.use_body(outline)
+        else:
+            corners = _corners(mounts, config.half_width_m)
+            self._take(config.outline(mounts), corners, (config.nose_m, config.half_width_m))
         self._cosine = math.cos(math.radians(config.cone_deg))
         self._history: list[list[float]] = []
         self._readings_m: list[float] = []
@@ -158,19 +158,15 @@ class ObstacleGuard:
 
     def use_body(self, outline: Footprint) -> None:
         """Guard another body from now on."""
-        self._corners = outline.points
-        self.reach_over_m = (
-            max(outline.front_m, -outline.rear_m),
-            max(outline.left_m, outline.right_m),
-        )
-        self._take(outline)
+        length_m = max(outline.front_m, -outline.rear_m)
+        self._take(outline, outline.points, (length_m, max(outline.left_m, outline.right_m)))
 
-    def _take(self, body: Footprint) -> None:
-        """Take a body, whose corners are known."""
-        self.body = body
-        self._views = [
-            _view(index, mount, self._corners) for index, mount in enumerate(self._mounts)
-        ]
+    def _take(
+        self, body: Footprint, corners: Sequence[Point], reach_over_m: tuple[float, float]
+    ) -> None:
+        """Take a body, with the corners that count for sonars and its reach over the floor."""
+        self.body, self._corners, self.reach_over_m = body, corners, reach_over_m
+        self._views = [_view(index, mount, corners) for index, mount in enumerate(self._mounts)]
         self._sides: Sides | None = None
         self._answered = None
 

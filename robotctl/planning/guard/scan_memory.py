@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.footprint import Footprint
-from robotctl.model.footprint_arrays import OFFSET, PIECE, side_rows
+from robotctl.model.footprint_arrays import covers, side_rows
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
@@ -72,7 +72,7 @@ class ScanMemory:
         base = moved(T_odom_base.inverse(), self._points)
         kept_m, same_m = self._config.scan_kept_m, self._config.scan_same_m
         kept = (np.hypot(*base.T) < kept_m) & (now_ns - self._seen_ns < self._life_ns)
-        kept &= ~self._covers(base) & ~_in_view(base, scan, same_m)
+        kept &= ~covers(self._body, base) & ~_in_view(base, scan, same_m)
         new = scan.points_base()
         new = moved(T_odom_base, new[np.hypot(*new.T) < kept_m])
         points = np.concatenate([new, self._points[kept]])
@@ -84,16 +84,8 @@ class ScanMemory:
         """Return the points near the robot in `base`, (n, 2) [m]."""
         base = moved(T_base_odom, self._points[now_ns - self._seen_ns < self._life_ns])
         within = np.hypot(*base.T) < self._config.scan_reach_m
-        near: NDArray[np.float64] = base[within & ~self._covers(base)]
+        near: NDArray[np.float64] = base[within & ~covers(self._body, base)]
         return near
-
-    def _covers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points in `base` the robot stands on, (n,)."""
-        inside = self._body[:, OFFSET] - points @ self._body[:, :OFFSET].T > 0.0
-        covered = np.zeros(len(points), np.bool_)
-        for piece in range(1 + int(self._body[:, PIECE].max(initial=0.0))):
-            covered |= inside[:, self._body[:, PIECE] == piece].all(axis=1)
-        return covered
 
 
 def _in_view(points: NDArray[np.float64], scan: RangeScan, same_m: float) -> NDArray[np.bool_]:

@@ -239,3 +239,25 @@ def test_a_setting_that_would_do_nothing_is_refused(text: str, said: str) -> Non
     with pytest.raises(SimulationError, match=re.escape(said)):
         parse_override(text)
     assert parse_override("simulation.battery.charge=0.5") == ("simulation.battery.charge", 0.5)
+
+
+@pytest.mark.parametrize(
+    ("state", "named", "said"),
+    [
+        ("1", '["empty"]', r"body\.state: 1; allowed are 0 to 0"),
+        ("0", "[]", r"body\.state: 0; there are no states"),
+        ("0", '["empty"]', r"'emtpy'; did you mean \"empty\"\?"),
+    ],
+)
+def test_a_state_of_the_body_that_there_is_not_is_refused(
+    state: str, named: str, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "robot.toml"
+    corners = "outline = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]]"
+    part = f'[[body.part]]\nname = "cart"\n{corners}\nstates = ["emtpy"]\n'
+    body = f"[body]\n{corners}\nstates = {named}\nstate = {state}\n"
+    is_part = said.startswith("'")
+    text = DIFF.read_text(encoding="utf-8") + body + (part if is_part else "")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SimulationError, match=said):
+        load_robot(path)

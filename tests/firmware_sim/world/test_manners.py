@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_sim.errors import SimulationError
-from firmware_sim.plant.body_disc import body_disc
+from firmware_sim.plant.body_disc import BodyDisc
 from firmware_sim.world.manner import Manner, deal, parse_manners
 from firmware_sim.world.people import PARTED_M, People
 from firmware_sim.world.walking.evading import Evading
@@ -94,7 +94,7 @@ def test_who_evades_makes_way_alone_for_the_stubborn(aside_m: float) -> None:
 def test_who_evades_walks_round_a_robot_that_stands_and_touches_it_not() -> None:
     half_m = (0.3, 0.2)
     body = [(sx * half_m[0], sy * half_m[1]) for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
-    robot = body_disc(body, (0.0, 0.0, 0.3), (0.0, 0.0, 0.0))
+    robot = BodyDisc.around(body).moving((0.0, 0.0, 0.3), (0.0, 0.0, 0.0))
     c, s = math.cos(0.3), math.sin(0.3)
 
     def contact(place: tuple[float, float], radius_m: float) -> tuple[float, float]:
@@ -243,14 +243,16 @@ def test_who_evades_sees_a_disc_that_covers_the_body_and_moves_as_its_middle_doe
     corners: list[tuple[float, float]], pose: tuple[float, float, float]
 ) -> None:
     heading, omega, lateral = pose
-    disc = body_disc(corners, (1.0, 2.0, heading), (0.4, lateral, omega))
+    disc = BodyDisc.around(corners).moving((1.0, 2.0, heading), (0.4, lateral, omega))
     c, s = math.cos(heading), math.sin(heading)
     for x, y in corners:
         at = 1.0 + c * x - s * y, 2.0 + s * x + c * y
         assert math.dist(at, disc[:2]) <= disc.radius_m + 1e-9
     step_s = 1e-6
     moved = (1.0 + (0.4 * c - lateral * s) * step_s, 2.0 + (0.4 * s + lateral * c) * step_s)
-    after = body_disc(corners, (*moved, heading + omega * step_s), (0.4, lateral, omega))
+    after = BodyDisc.around(corners).moving(
+        (*moved, heading + omega * step_s), (0.4, lateral, omega)
+    )
     assert (after.x_m - disc.x_m) / step_s == pytest.approx(disc.vx_m_s, abs=1e-4)
     assert (after.y_m - disc.y_m) / step_s == pytest.approx(disc.vy_m_s, abs=1e-4)
 

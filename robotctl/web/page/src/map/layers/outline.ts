@@ -13,7 +13,9 @@ export function outline(
   context.translate(pose.x_m, pose.y_m);
   context.rotate(pose.theta_rad);
   context.beginPath();
-  for (const corners of hello.peek()?.bodies[state] ?? []) {
+  // A recording without the robot's file knows its body in one state only.
+  const bodies = hello.peek()?.bodies ?? [];
+  for (const corners of bodies[state] ?? bodies[0] ?? []) {
     corners.forEach(([x, y], i) => (i === 0 ? context.moveTo(x, y) : context.lineTo(x, y)));
     context.closePath();
   }
