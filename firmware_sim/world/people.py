@@ -88,7 +88,13 @@ class People:
         own, *streams = rng.spawn(1 + len(world.people) + count)
         known = [
             WALKERS[each.manner](
-                Outset(np.array([*each.points, each.points[0]]), each.speed_m_s, world, stream)
+                Outset(
+                    np.array([*each.points, each.points[0]]),
+                    each.speed_m_s,
+                    world,
+                    stream,
+                    stands_s=each.stands_s,
+                )
             )
             for each, stream in zip(world.people, streams, strict=False)
         ]

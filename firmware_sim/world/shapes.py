@@ -193,14 +193,18 @@ class Person:
     """Person who walks, in a manner, a closed path of `points`, over and over.
 
     Who roams, a wanderer or a child that runs, begins at the first point; the path is for the
-    others. `speed_m_s` is that of walking, of a wanderer the fastest; a child has its own.
+    others. `speed_m_s` is that of walking, of a wanderer the fastest; a child has its own. Who is
+    stubborn stands at the last point for `stands_s`, as in a line, each time before walking on.
     """
 
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
     speed_m_s: Positive = 0.8
     manner: Manner = Manner.STUBBORN
+    stands_s: NotNegative = 0.0
 
     def __post_init__(self) -> None:
+        if self.stands_s > 0.0 and self.manner is not Manner.STUBBORN:
+            raise ValueError(f"stands_s: of one who is stubborn, and this one {self.manner.value}")
         if any(a == b for a, b in itertools.pairwise((*self.points, self.points[0]))):
             raise ValueError("points: two that follow each other coincide")
 

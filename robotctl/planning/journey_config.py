@@ -73,6 +73,14 @@ class PeopleConfig:
         Distance between two people who walk alike up to which they walk together [m], 0 to 5:
         larger, the robot goes round couples that are farther apart, not through between them; 0: it
         takes everybody alone.
+    queue_m
+        Distance between two people who have come and stand up to which they stand in line, or talk
+        [m], 0 to 5: larger, paths lead round lines with wider gaps, not through between; 0: it
+        takes everybody alone.
+    door_m
+        Way that each door of the map counts as, in addition to its own [m], 0 to 9: larger, longer
+        ways without doors are taken; with any, it waits beside doors, not in them; 0: doors cost
+        nothing.
     hidden_m_s
         Assumed speed of a person who comes along the robot's path from where its lidar does not
         look [m/s], 0 to 3: larger, it is slower before corners, and behind people, who hide the
@@ -89,6 +97,8 @@ class PeopleConfig:
     pass_m: float = 0.1
     strays: float = 0.1
     group_m: float = 0.0
+    queue_m: float = 0.0
+    door_m: float = 0.0
     hidden_m_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -99,6 +109,8 @@ class PeopleConfig:
             pass_m=(0.0, 2.0),
             strays=(0.0, 1.0),
             group_m=(0.0, 5.0),
+            queue_m=(0.0, 5.0),
+            door_m=(0.0, 9.0),
             hidden_m_s=(0.0, 3.0),
         )
 

@@ -28,3 +28,8 @@ class ClosedPath:
         side_m, into_m = lengths_m[after] - lengths_m[after - 1], at_m - lengths_m[after - 1]
         (x, y), (next_x, next_y) = self._corners[after - 1], self._corners[after]
         return (next_x - x) / side_m * into_m + x, (next_y - y) / side_m * into_m + y
+
+    def passes_last(self, from_m: float, to_m: float) -> bool:
+        """Return whether the last corner lies between two distances along the path [m]."""
+        last_m, whole_m = self._lengths_m[-2:]
+        return (from_m - last_m) // whole_m != (to_m - last_m) // whole_m

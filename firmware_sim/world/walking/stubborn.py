@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from firmware_sim.world.walking.path import ClosedPath
-from firmware_sim.world.walking.walker import STEP_NS, Place, Walker
+from firmware_sim.world.walking.walker import STEP_NS, STEP_S, Place, Walker
 
 
 class Stubborn(Walker):
@@ -17,12 +17,17 @@ class Stubborn(Walker):
         Corners of the path, the first again at the end, (k, 2) [m].
     speed_m_s
         Speed [m/s].
+    stands_s
+        Time for which it stands at the last corner each time it comes there [s].
     """
 
-    __slots__ = ("_path", "at_m", "sign", "speed_m_s")
+    __slots__ = ("_left_steps", "_path", "_stands_steps", "at_m", "sign", "speed_m_s")
 
-    def __init__(self, corners: np.ndarray, speed_m_s: float) -> None:
+    def __init__(self, corners: np.ndarray, speed_m_s: float, stands_s: float = 0.0) -> None:
         self._path = ClosedPath(corners)
+        self._stands_steps = round(stands_s / STEP_S)
+        self._left_steps = 0
+        """Steps for which it stands yet."""
         self.speed_m_s = speed_m_s
         self.at_m = 0.0
         self.sign = 1.0
@@ -34,11 +39,16 @@ class Stubborn(Walker):
         return self.at_m + self.sign * self.speed_m_s * STEP_NS * 1e-9
 
     def ahead(self) -> Place:
-        """Return the place a step farther along the path."""
-        return self._path.along(self._next_m)
+        """Return the place a step farther along the path, or where it stands."""
+        return self.place if self._left_steps else self._path.along(self._next_m)
 
     def go(self, ahead: Place) -> None:
-        """Walk on along the path."""
+        """Walk on along the path, or stand."""
+        if self._left_steps:
+            self._left_steps -= 1
+            return
+        if self._path.passes_last(self.at_m, self._next_m):
+            self._left_steps = self._stands_steps
         self.at_m, self.place = self._next_m, ahead
 
     def turn_round(self) -> None:

@@ -34,6 +34,8 @@ class Outset:
         Generator of the walker's own draws.
     space
         Places where it may be; None: to be found.
+    stands_s
+        Time for which it stands at the last corner [s]; of the stubborn.
     """
 
     corners: np.ndarray
@@ -41,6 +43,7 @@ class Outset:
     world: World
     rng: np.random.Generator
     space: FreeSpace | None = None
+    stands_s: float = 0.0
 
 
 def _roaming(outset: Outset, habit: Habit) -> Roaming:
@@ -55,7 +58,7 @@ def _roaming(outset: Outset, habit: Habit) -> Roaming:
 
 
 WALKERS: Final[dict[Manner, Callable[[Outset], Walker]]] = {
-    Manner.STUBBORN: lambda outset: Stubborn(outset.corners, outset.speed_m_s),
+    Manner.STUBBORN: lambda outset: Stubborn(outset.corners, outset.speed_m_s, outset.stands_s),
     Manner.EVADES: lambda outset: Evading(outset.corners, outset.speed_m_s, outset.world.touchable),
     Manner.WANDERS: lambda outset: _roaming(outset, wandering(outset.speed_m_s)),
     Manner.RUNS: lambda outset: _roaming(outset, RUNNING),

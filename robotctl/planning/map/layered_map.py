@@ -39,6 +39,8 @@ _BEYOND_M: Final = 1.0
 planner's margin and comfort."""
 _FLOOR_REACH_M: Final = 1.5
 """`FloorMemory` has all points within this of the robot [m]."""
+_PERSON_M: Final = 0.35
+"""Maximum distance of a person's marks from the middle of that person [m]."""
 _ROUNDING: Final = 1e-9
 """Part of a cell that is rounding of a corner."""
 
@@ -422,6 +424,16 @@ class LayeredMap:
     def marked(self) -> NDArray[np.bool_]:
         """Return which cells sensors have marked, (rows, columns)."""
         return self._cells.marks > 0
+
+    def is_marked_near(self, x_m: float, y_m: float) -> bool:
+        """Return whether sensors have marked something within reach of a person at a place [m]."""
+        here = self._space.to_cells(SE2(x_m, y_m, 0.0))
+        reach = _PERSON_M / self._space.grid.resolution_m
+        rows, columns = (
+            slice(max(math.floor(at - reach), 0), max(math.ceil(at + reach), 0))
+            for at in (here.y_m, here.x_m)
+        )
+        return bool(self._cells.marks[rows, columns].any())
 
     def marked_world(self) -> NDArray[np.float64]:
         """Return the centres of the cells that sensors have marked, (n, 2) [m]."""

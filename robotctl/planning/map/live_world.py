@@ -16,11 +16,13 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.map.config import MapConfig
+from robotctl.planning.map.doors import Doors
 from robotctl.planning.map.heard import heard_walkers
 from robotctl.planning.map.layered_map import NOTHING_MOVES, LayeredMap
 from robotctl.planning.map.planning_map import PlanningMap, clearance_of
 from robotctl.planning.map.seen import Seen
 from robotctl.planning.map.sight import seen_along
+from robotctl.planning.map.standing import StandingPeople
 from robotctl.planning.map.tracks import MovingObstacles
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.map.zones import Closed
@@ -58,6 +60,8 @@ class LiveWorld:
     last_scan
         The last scan of the lidars, as one view, with `base` in `world` at its time; None: there is
         none yet.
+    standing
+        Those who walked and have stopped.
     map
         The live map.
     """
@@ -89,6 +93,7 @@ class LiveWorld:
         self._new_echoes = [0] * len(mounts)
         self._merger = ScanMerger()
         self._tracks = {"": MovingObstacles(config.tracks)}
+        self.standing = StandingPeople()
         self._scan_ns: dict[str, int] = {}
         """Time of the last scan of each lidar, by its name [ns]."""
         self._now_ns = 0
@@ -158,6 +163,7 @@ class LiveWorld:
         self._tracks[scan.name].step(T_odom_base, scan, scan.stamp_ns, ~self.map.explained(ends))
         self.moving = np.concatenate([each.moving(T_world_odom) for each in self._tracks.values()])
         self.map.see_scan(where, scan, scan.stamp_ns, self.moving)
+        self.standing.see(self.moving, self.map.is_marked_near, scan.stamp_ns)
 
     def _hear(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take echoes of sonars."""
@@ -180,6 +186,11 @@ class LiveWorld:
     def has_map(self) -> bool:
         """Whether it was given a map."""
         return self._grid is not None
+
+    @property
+    def doors(self) -> Doors:
+        """Doors of its map that cost something."""
+        return self._closed.doors
 
     @property
     def knows_ways(self) -> bool:
@@ -240,6 +251,7 @@ class LiveWorld:
         self._merger = ScanMerger()
         self.last_scan = None
         self.moving = self.heard = NOTHING_MOVES
+        self.standing.forget()
 
     def forget_unseen(self) -> None:
         """Forget obstacles that no sensor has seen lately."""

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, GridMap
+from robotctl.planning.map.doors import NO_DOORS, Doors
 from robotctl.planning.map.fence import beyond_fence
 from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.polygon_cells import polygon_cells
 from robotctl.planning.map.zone import Zone
 
 _DEAREST: Final = 10.0
-"""A path through a zone or mask counts at most so many times longer: classes of cost are few."""
+"""A path through any of them counts at most so many times longer: classes of cost are few."""
 
 
 class Closed(NamedTuple):
@@ -25,6 +26,8 @@ class Closed(NamedTuple):
     zones: tuple[Zone, ...] = ()
     fence: Fence = Fence()
     masks: tuple[Mask, ...] = ()
+    doors: Doors = NO_DOORS
+    """Doors, which close nothing but cost a way of their own."""
 
     def cells(self, grid: GridMap) -> NDArray[np.bool_]:
         """Return which cells of a map the robot has to keep out of, (rows, columns)."""
@@ -63,9 +66,10 @@ def path_prices(
 ) -> NDArray[np.float32] | None:
     """Return how many times longer a path counts in each cell; None: nowhere more than once.
 
-    Where the robot is slow, as much longer as it takes; where a mask says so, times that.
+    Where the robot is slow, as much longer as it takes; where a mask or a door says so, times that.
     """
-    prices = [each for mask in closed.masks if (each := mask.prices(grid)) is not None]
+    of_masks = (mask.prices(grid) for mask in closed.masks)
+    prices = [each for each in (*of_masks, closed.doors.prices(grid)) if each is not None]
     if limits_m_s is not None:
         prices.append(np.maximum(full_speed_m_s / limits_m_s, 1.0))
     if not prices:

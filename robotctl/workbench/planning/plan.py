@@ -21,6 +21,7 @@ from robotctl.maps.moving_ai import is_moving_ai, load_moving_ai
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.planning.map.doors import doors_of
 from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.map.zones import Closed, path_prices, speed_limits
@@ -158,7 +159,9 @@ def make_plan(options: PlanOptions) -> PlanResult:
 
 def _space(grid: GridMap, robot: RobotConfig, masks: tuple[Mask, ...]) -> PlanningMap:
     """Return a map for a robot, with the zones of its file and its masks."""
-    closed = Closed(robot.navigation.pilot.zone, masks=masks)
+    door_m = robot.navigation.journey.people.door_m
+    doors = doors_of(grid, robot.footprint.inscribed_m, door_m)
+    closed = Closed(robot.navigation.pilot.zone, masks=masks, doors=doors)
     cells = grid.cells.copy()
     cells[closed.cells(grid)] = OCCUPIED
     known = GridMap(cells, grid.resolution_m, grid.origin)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,11 +13,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
 
 from firmware_sim.errors import SimulationError
 from firmware_sim.plant.body_disc import BodyDisc
 from firmware_sim.world.manner import Manner, deal, parse_manners
 from firmware_sim.world.people import PARTED_M, People
+from firmware_sim.world.shapes import Person
 from firmware_sim.world.walking.evading import Evading
 from firmware_sim.world.walking.orca import HalfPlane, choose, off_mover
 from firmware_sim.world.walking.stubborn import Stubborn
@@ -287,3 +290,21 @@ def test_who_would_roam_from_within_a_wall_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(SimulationError, match="a person begins at x 0"):
         People(load_world(file), 0, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_who_lines_up_stands_at_the_last_point_each_time(sign):
+    walker = Stubborn(np.array([(0.0, 0.0), (0.0, 2.0), (0.0, 0.0)]), 1.0, stands_s=3.0)
+    walker.sign = sign
+    places = walked(crowd(walker), 14.5)[:, 0, 1]
+    # 2 s there, 3 s at rest, 4 s back and there again, and 3 s at rest.
+    at_rest = np.abs(places - 2.0) < 0.011
+    begins = np.flatnonzero(np.diff(at_rest.astype(int)) == 1) * STEP_S
+    assert begins == pytest.approx([2.0, 9.0], abs=0.05)
+    assert at_rest.sum() * STEP_S == pytest.approx(6.0, abs=0.1)
+
+
+def test_only_who_is_stubborn_lines_up():
+    text = "points = [[1.0, 1.0], [2.0, 1.0]]\nstands_s = 5.0\nmanner = 'runs'\n"
+    with pytest.raises(ValidationError, match="stands_s: of one who is stubborn"):
+        TypeAdapter(Person).validate_python(tomllib.loads(text))

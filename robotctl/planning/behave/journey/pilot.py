@@ -28,6 +28,7 @@ from robotctl.planning.behave.journey.travel import Travel
 from robotctl.planning.behave.journey.warm_up import warm_up
 from robotctl.planning.config import NavigationConfig, RecoveryConfig
 from robotctl.planning.map.costs import costs_of
+from robotctl.planning.map.doors import doors_of
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.seen import Seen
@@ -104,7 +105,11 @@ class MapPilot:
             mounts,
             grid,
             home,
-            Closed(config.pilot.zone, masks=tuple(masks)),
+            Closed(
+                config.pilot.zone,
+                masks=tuple(masks),
+                doors=doors_of(grid, footprint.inscribed_m, config.journey.people.door_m),
+            ),
             config.map,
             full_speed_m_s=limits.v_max_m_s,
             braking_m_s2=config.pursuit.acceleration_m_s2,
@@ -132,6 +137,7 @@ class MapPilot:
                 budget,
                 steered=drive.steered,
                 turning_radius_m=radius_m,
+                queue_m=config.journey.people.queue_m,
             ),
             self._make_controller(footprint),
             local,

@@ -14,6 +14,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.journey.sidestep import sidestep
 from robotctl.planning.behave.journey.tools import JourneyTools
+from robotctl.planning.map.doors import RADIUS_M
 from robotctl.planning.map.lane import Lane
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.frontiers import connected
@@ -47,6 +48,9 @@ SQUEEZE_M: Final = 0.03
 _TIGHT_S_PER_M: Final = 60.0
 _STRAYS_S_PER_M: Final = 5.0
 """Time that a metre less of clearance counts as, and of what people may stray [s/m]."""
+
+_IN_DOOR_S: Final = 10.0
+"""Time that a place in a door counts as [s]: somebody may want to get through."""
 
 
 class _Places(NamedTuple):
@@ -152,6 +156,7 @@ class PlacesAside:
         else:
             turns_s = np.arcsin(np.abs(np.sin(bearings))) / TURN_RAD_S
         costs_s = away_m / speed_m_s + turns_s - _LATE * met.ahead_m(places) / met.speed_m_s
+        costs_s += self._doors_s(places)
         return _Places(np.column_stack([places, bearings]), costs_s)
 
     def _at_walls(self, search: _Search) -> _Places:
@@ -187,7 +192,13 @@ class PlacesAside:
         costs_s = away_m / speed_m_s - _LATE * ahead_m / met.speed_m_s
         costs_s += _TIGHT_S_PER_M * np.maximum(short_m, 0.0)
         costs_s += _STRAYS_S_PER_M * np.clip(short_m + strays_m, 0.0, strays_m)
+        costs_s += self._doors_s(poses[:, :2])
         return _Places(poses[free], costs_s[free])
+
+    def _doors_s(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the time that places (n, 2) count as for being in a door, (n,) [s]."""
+        away_m = self._tools.world.doors.away_m(places)
+        return np.where(away_m <= RADIUS_M + self._footprint.reach_m, _IN_DOOR_S, 0.0)
 
     def _shift_m(self, aside_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the way on which an arc to one side and one back shift the robot so far."""

@@ -9,7 +9,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.path.global_planning.goal import Goal
-from robotctl.planning.path.global_planning.plan import PlanFailure
+from robotctl.planning.path.global_planning.plan import Plan, PlanFailure
 from robotctl.planning.path.global_planning.route import Route
 
 _REDIRECTED_NS: Final = 500_000_000
@@ -92,7 +92,7 @@ class Replanner:
             old = None
         if isinstance(answer, PlanFailure):
             return old or answer
-        if old is not None and old.leads_there:
+        if old is not None and old.leads_there and not self._leads_round_people(answer, old):
             is_better = answer.length_m <= self._tools.journey.better * old.left_m
             if not is_better or self._tools.paths.is_doubtful(answer, pose):
                 return old
@@ -100,6 +100,11 @@ class Replanner:
         leaves = self._tools.world.map.shut.closed_at(pose)
         until = f" out of {leaves}" if leaves else ""
         return Route(answer, leads_there=leads_there and not leaves, until=until)
+
+    def _leads_round_people(self, answer: Plan, old: Route) -> bool:
+        """Return whether a path leads round people who stand together, and the old one does not."""
+        between_m = self._tools.paths.way_between_people_m
+        return between_m(old.rest) > between_m(answer.poses)
 
     def _chase(self, pose: SE2) -> Route | None:
         """Return the arc of a robot that steers to a goal that moves; None: it is to plan.

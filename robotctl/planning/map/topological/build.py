@@ -85,8 +85,7 @@ def build(grid: GridMap, radius_m: float) -> Topology:
     """
     side_m = grid.resolution_m
     floor = _floor(grid)
-    room_m = _depth_m(floor, side_m)
-    depth_m = _depth_m(_without_furniture(floor, side_m), side_m)
+    room_m, depth_m = _depth_m(floor, side_m), _open_depth_m(floor, side_m)
     labels = floor_regions(depth_m, radius_m)
     if not (labels >= 0).any():
         return Topology(TopologicalMap((), ()), labels)
@@ -99,6 +98,16 @@ def build(grid: GridMap, radius_m: float) -> Topology:
     labels = with_open_floor(labels, depth_m, radius_m, side_m)
     labels = _without_small(labels, depth_m, side_m)
     return _topology(grid, labels, kinds, depth_m, room_m, radius_m)
+
+
+def open_depth_m(grid: GridMap) -> NDArray[np.float64]:
+    """Return the distance of each free cell from walls, without furniture, (rows, columns) [m]."""
+    return _open_depth_m(_floor(grid), grid.resolution_m)
+
+
+def _open_depth_m(floor: NDArray[np.bool_], side_m: float) -> NDArray[np.float64]:
+    """Return the same on a floor."""
+    return _depth_m(_without_furniture(floor, side_m), side_m)
 
 
 def _depth_m(free: NDArray[np.bool_], side_m: float) -> NDArray[np.float64]:

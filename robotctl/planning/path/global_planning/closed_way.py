@@ -19,6 +19,7 @@ from scipy import ndimage  # type: ignore[import-untyped]
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.map.body_cells import cells_at
+from robotctl.planning.map.doors import RADIUS_M
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.plan import Plan, dense
 
@@ -74,8 +75,18 @@ def until_closed(
     first = int(np.argmax(hits))
     along_m = float(np.hypot(*np.diff(places[: first + 1, :2], axis=0).T).sum())
     text = _what_closes(SE2(*cells[first].tolist()), marked, moving)
-    free_m = along_m - _STAND_OFF_M
+    free_m = _out_of_doors(places[: first + 1], along_m - _STAND_OFF_M, live)
     return ClosedWay(_cut(plan, free_m) if free_m >= _SHORTEST_M else None, text)
+
+
+def _out_of_doors(places: NDArray[np.float64], free_m: float, live: PlanningMap) -> float:
+    """Return the way along places (n, 3) of `world` that ends in no door, at most so long [m]."""
+    doors = live.closed.doors
+    if not len(doors.places):
+        return free_m
+    ways_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places[:, :2], axis=0).T))])
+    beside = doors.away_m(places[:, :2]) > RADIUS_M + live.footprint.reach_m
+    return float(ways_m[beside & (ways_m <= free_m)].max(initial=0.0))
 
 
 def _cut(plan: Plan, length_m: float) -> Plan:

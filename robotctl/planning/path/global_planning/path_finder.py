@@ -9,8 +9,10 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.map.disc_prices import raise_in_disc
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.arc import arc_to
@@ -37,7 +39,10 @@ _TURNED: Final = SE2(0.0, 0.0, math.pi)
 _AVOIDED_M: Final = 0.5
 """Radius of a place that is avoided [m]."""
 _AVOIDED: Final = 50.0
-"""Price of a metre there, in metres elsewhere."""
+_BETWEEN: Final = 10.0
+"""Price of a metre there, and between two people who stand together, in metres elsewhere."""
+_STEP_M: Final = 0.05
+"""Step at which a path is looked at [m]."""
 
 
 class PathFinder:
@@ -51,6 +56,8 @@ class PathFinder:
         What is known.
     steered, turning_radius_m
         Whether the robot steers, and the radius that its paths are planned with [m].
+    queue_m
+        As in `PeopleConfig`.
     budget
         Called at each step; returns what its searches ask now and then, whether there is time left.
 
@@ -68,6 +75,7 @@ class PathFinder:
         *,
         steered: bool,
         turning_radius_m: float,
+        queue_m: float = 0.0,
     ) -> None:
         self.planner = planner
         self._world = world
@@ -75,6 +83,7 @@ class PathFinder:
         self._goes_on = budget()
         self.steered = steered
         self.turning_radius_m = turning_radius_m
+        self._queue_m = queue_m
         self.reverse = False
         self._avoided: list[Point] = []
 
@@ -161,30 +170,36 @@ class PathFinder:
 
     def _way(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
         """Return a path that the robot can take from where it is."""
-        space = self._with_avoided(space)
+        space = self._with_prices(space)
         return find_way(self.planner, space, start, goal, self._goes_on, steered=self.steered)
 
-    def _with_avoided(self, space: PlanningMap) -> PlanningMap:
-        """Return a map on which the places that are avoided cost much."""
-        if not self._avoided:
+    def _with_prices(self, space: PlanningMap) -> PlanningMap:
+        """Return a map on which places that are avoided, or between people, cost much."""
+        discs = [(*place, _AVOIDED_M, _AVOIDED) for place in self._avoided]
+        discs += [(*gap, _BETWEEN) for gap in self._gaps().tolist()]
+        if not discs:
             return space
         space = copy.copy(space)
         prices = space.slowness = space.zone_prices().copy()
-        radius = _AVOIDED_M / space.grid.resolution_m
-        for place in self._avoided:
-            here = space.to_cells(SE2(*place))
-            first_row, first_column = (
-                max(math.floor(at - radius), 0) for at in (here.y_m, here.x_m)
-            )
-            window = prices[
-                first_row : max(math.ceil(here.y_m + radius), 0),
-                first_column : max(math.ceil(here.x_m + radius), 0),
-            ]
-            rows, columns = np.ogrid[: window.shape[0], : window.shape[1]]
-            down, right = first_row + 0.5 - here.y_m, first_column + 0.5 - here.x_m
-            inside = np.hypot(rows + down, columns + right) <= radius
-            np.maximum(window, np.float32(_AVOIDED), out=window, where=inside)
+        side_m = space.grid.resolution_m
+        for x_m, y_m, radius_m, price in discs:
+            here = space.to_cells(SE2(x_m, y_m, 0.0))
+            raise_in_disc(prices, here.x_m, here.y_m, radius_m / side_m, price)
         return space
+
+    def _gaps(self) -> NDArray[np.float64]:
+        """Return the discs between people who stand together, (k, 3) [m]: x, y, radius."""
+        return self._world.standing.gaps(self._queue_m)
+
+    def way_between_people_m(self, path: NDArray[np.float64]) -> float:
+        """Return the length of a path (n, 3) of `world` between people who stand together [m]."""
+        gaps = self._gaps()
+        if not len(gaps):
+            return 0.0
+        places = dense(path, _STEP_M)[:, :2]
+        ways_m = np.hypot(*np.diff(places, axis=0).T)
+        away_m = np.hypot(*(places[1:, np.newaxis] - gaps[:, :2]).T)  # (gaps, places)
+        return float(ways_m[(away_m <= gaps[:, 2:]).any(axis=0)].sum())
 
     def arc_to(self, pose: SE2, goal: Goal) -> Plan | None:
         """Return the free arc of a robot that steers to a goal ahead of it; None: there is none."""
