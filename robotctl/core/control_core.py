@@ -384,7 +384,7 @@ class ControlCore:
             self._on(Event.TEST_OVER, self._procedures.latest.text, now_ns)
         if not self.machine.powered:
             return driving.stopped()
-        if driving.follow_setpoint(now_ns):
+        if driving.follow_setpoint(motion.twist, now_ns):
             if self.machine.state is _ARMED:
                 self._on(Event.MOVE, "", now_ns)
         elif driving.reference == _REST and motion.twist.speed_m_s < _AT_REST_M_S:

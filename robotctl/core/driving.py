@@ -16,6 +16,9 @@ from robotctl.safety.command_guard import Bound, guarded
 STOPPED: Final = ActuatorCommand(enable=False, brake=True)
 """Wheels without power brake; joints stay where they are."""
 _REST: Final = Twist(0.0, 0.0)
+_HELD_M_S: Final = 0.1
+"""Speed by which a robot that is to stand may be slower than its reference [m/s]: more, and
+something holds it."""
 
 
 class Driving:
@@ -79,11 +82,30 @@ class Driving:
         self.reference = _REST
         return STOPPED
 
-    def follow_setpoint(self, now_ns: int) -> bool:
+    def follow_setpoint(self, twist_meas: Twist, now_ns: int) -> bool:
         """Move the reference towards the set-point; return whether that is a motion."""
         wanted = self._setpoint(now_ns)
+        if wanted == _REST:
+            self._yield(twist_meas)
         self.reference = self._limiter.step(wanted, self._period_s)
         return wanted != _REST
+
+    def _yield(self, twist_meas: Twist) -> None:
+        """Lower the reference of a robot that is to stand, and that something has stopped before.
+
+        On the ramp of its limits it would push against that, and with what its loops wind up on
+        the way even at its end.
+        """
+        limiter = self._limiter
+        v_m_s, _, vy_m_s = limiter.twist
+        speed_m_s = limiter.twist.speed_m_s
+        if speed_m_s <= _HELD_M_S:
+            return
+        along_m_s = (v_m_s * twist_meas.v_m_s + vy_m_s * twist_meas.vy_m_s) / speed_m_s
+        share = max(along_m_s + _HELD_M_S, 0.0) / speed_m_s
+        if share < 1.0:
+            # All of it by the same share: the robot stays on its arc, and can stop as it could.
+            limiter.reset(limiter.twist.scaled(share), limiter.acceleration.scaled(share))
 
     def command(
         self, joints_rad: tuple[float, ...], reports: tuple[ActuatorFeedback, ...]

@@ -82,6 +82,8 @@ class RobotDouble:
         self.boots = 1
         self.bus = BusStatus()
         self.battery: BatteryFeedback | None = BatteryFeedback(0, 12.0, 1.0, 0.8, 25, False, False)
+        self.held = False
+        """Whether something holds the wheels."""
         self.mute_wheels = False
         self.mute_status = False
         self.command_age_ms = 1
@@ -148,6 +150,7 @@ class RobotDouble:
             on = command.enable and self.motor_state == DriveState.ENABLED
             final = duty * BUS_V / K_V_S_RAD if on else 0.0
             self.speeds[i] = final + (self.speeds[i] - final) * math.exp(-dt_s / TAU_S)
+            self.speeds[i] = 0.0 if self.held else self.speeds[i]
             self.angles[i] += self.speeds[i] * dt_s
 
     def _feedback(self) -> Feedback:

@@ -20,3 +20,7 @@ class Twist(NamedTuple):
     def speed_m_s(self) -> float:
         """Speed of `base` over the floor [m/s], >= 0."""
         return math.hypot(self.v_m_s, self.vy_m_s) if self.vy_m_s else abs(self.v_m_s)
+
+    def scaled(self, share: float) -> Twist:
+        """Return a share of it, on the same arc."""
+        return Twist(share * self.v_m_s, share * self.omega_rad_s, share * self.vy_m_s)
