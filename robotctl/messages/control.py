@@ -529,7 +529,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     since the start. `budget` is renewed once a second. `wanted` is the velocity that its mode
     wants: forward (m/s), turning (rad/s) and to the left (m/s). `limited_by` is the obstacle for
     which the guard has slowed that, empty: it has not. `body` is the state of its body, by its
-    place among the states in the robot's file; 0: there are none.
+    place among the states in the robot's file; 0: there are none. `areas` are the binary masks that
+    it is in, by the names of their files.
     """
 
     stamp_ns: int
@@ -566,6 +567,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     wanted: tuple[float, float, float] = (0.0, 0.0, 0.0)
     limited_by: str = ""
     body: int = 0
+    areas: tuple[str, ...] = ()
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -250,6 +250,8 @@ class Navigator:
         if not inputs.are_finite:
             return self._stand("no valid pose or velocity")
         situation = self._perception.observe(inputs, now_ns)
+        if inputs.localised and self._robot.pilot is not None:
+            self._supervision.note_areas(self._robot.pilot.areas)
         self._pace.lap("see")
         if reason := self._supervision.reason_to_stand(inputs, self._modes.mode):
             return self._stand(reason)
@@ -292,6 +294,7 @@ class Navigator:
             wanted=(*self._wanted,),
             limited_by=self._limited_by,
             body=self._body_state or 0,
+            areas=self._supervision.areas,
             **modes.auto.progress._asdict(),
         )
         return NavigationOutputs(

@@ -16,6 +16,11 @@ class DriveSupervision:
     """Watches over an autonomous robot: operator, stops, stalls, and the camera's view.
 
     By hand, in HOLD and MANUAL, the operator sees for himself: there only arming counts.
+
+    Attributes
+    ----------
+    areas
+        Names of the areas that the robot was in when it last knew its place.
     """
 
     def __init__(self) -> None:
@@ -28,6 +33,7 @@ class DriveSupervision:
         self._stall: Stall | None = None
         """The stall of an enabled robot that is not over."""
         self._waits_to_see = False
+        self.areas: tuple[str, ...] = ()
         self._notices: list[str] = []
 
     def update(self, inputs: NavigationInputs, mode: Mode, now_ns: int) -> str:
@@ -89,6 +95,14 @@ class DriveSupervision:
         elif self._waits_to_see and not blind:
             self._notices.append("the camera gives pictures again")
         self._waits_to_see = waits
+
+    def note_areas(self, areas: tuple[str, ...]) -> None:
+        """Report areas that the robot has come into, or has left."""
+        if areas == self.areas:
+            return
+        self._notices += [f"in {name}" for name in areas if name not in self.areas]
+        self._notices += [f"out of {name}" for name in self.areas if name not in areas]
+        self.areas = areas
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""

@@ -1,4 +1,4 @@
-"""Masks: pictures of where a robot keeps out, would rather not be, or drives slowly."""
+"""Masks: pictures of where a robot keeps out, would rather not be, drives slowly, or tells of."""
 
 from __future__ import annotations
 
@@ -17,6 +17,10 @@ from robotctl.planning.map.mask_config import MaskConfig
 _INSIDE: Final = 0.5 - 1e-6
 """Distance from the centre of a cell to just inside its edge [cells]."""
 _NO_LIMIT: Final = 0
+_INSIDE_FROM: Final = 0.5
+"""Value of `base + multiplier * value` above which a binary mask has an area, as nav2's."""
+SPEEDS: Final = ("speed_percent", "speed_m_s")
+"""Kinds that limit the speed."""
 _DOUBLE: Final = 25.0
 """Value of a keep-out mask at which each metre counts as two, as for nav2's NavFn."""
 
@@ -43,12 +47,12 @@ class Mask:
 
     def __post_init__(self) -> None:
         """Check what the values mean."""
-        if self.config.kind == "keep_out":
+        if self.config.kind not in SPEEDS:
             return
         used = np.unique(self.grid.cells)
         most = 100.0 if self.config.kind == "speed_percent" else math.inf
         for value in used[used > _NO_LIMIT].tolist():
-            speed = self._speed(value)
+            speed = self._means(value)
             if not 0.0 < speed <= most:
                 raise ValueError(
                     f"{self.config.file}: a value of {value} means {speed:g} "
@@ -56,8 +60,19 @@ class Mask:
                     f"value); above 0{', at most 100,' if most < math.inf else ''} is allowed"
                 )
 
-    def _speed(self, value: int) -> float:
+    def _means(self, value: int) -> float:
         return self.config.base + self.config.multiplier * value
+
+    def has(self, x_m: float, y_m: float) -> bool:
+        """Return whether a place is in the area of a binary mask; a mask of another kind has none.
+
+        What it does not know, or is beyond it, is outside.
+        """
+        if self.config.kind != "binary":
+            return False
+        row, column = self.grid.cell_of(np.array([[x_m, y_m]]))[0].tolist()
+        value = int(self._at(np.array([[column, row]]))[0])
+        return value != UNKNOWN and self._means(value) > _INSIDE_FROM
 
     def closed(self, grid: GridMap) -> NDArray[np.bool_]:
         """Return which cells of a map the robot keeps out of: those that the mask touches."""
@@ -91,10 +106,10 @@ class Mask:
             Fastest speed of the robot [m/s].
         """
         limits = np.full(grid.shape, np.inf, np.float32)
-        if self.config.kind == "keep_out":
+        if self.config.kind not in SPEEDS:
             return limits
         unit = 0.01 * full_speed_m_s if self.config.kind == "speed_percent" else 1.0
-        speeds = [unit * self._speed(value) for value in range(_NO_LIMIT + 1, OCCUPIED + 1)]
+        speeds = [unit * self._means(value) for value in range(_NO_LIMIT + 1, OCCUPIED + 1)]
         table = np.array([np.inf, *speeds], np.float32)
         for values in self._seen_from(grid):
             np.minimum(limits, table[np.maximum(values, _NO_LIMIT)], out=limits)

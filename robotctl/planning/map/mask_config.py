@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Literal, TypeAlias
 
 from robotctl.errors import InvalidValue
 
-MaskKind: TypeAlias = Literal["keep_out", "speed_percent", "speed_m_s"]
+MaskKind: TypeAlias = Literal["keep_out", "speed_percent", "speed_m_s", "binary"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +23,8 @@ class MaskConfig:
     kind
         Where the value is 100, the robot keeps out (`keep_out`), and a value v from 1 to 99 makes
         each metre of a path count as 1 + v / 25; or a value from 1 to 100 limits its speed to `base
-        + multiplier * value`, in per cent of its fastest or in m/s.
+        + multiplier * value`, in per cent of its fastest or in m/s; or an area is where that is
+        above 0.5 (`binary`), and the robot tells whenever it gets in or out.
     base, multiplier
         As nav2's `costmap_filter_info_server` has them.
 
@@ -36,6 +38,11 @@ class MaskConfig:
     kind: MaskKind
     base: float = 0.0
     multiplier: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Name of its area: that of the file, without the ending."""
+        return PurePath(self.file).stem
 
     def __post_init__(self) -> None:
         for name in ("base", "multiplier"):

@@ -12,7 +12,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, GridMap
 from robotctl.planning.map.doors import NO_DOORS, Doors
 from robotctl.planning.map.fence import beyond_fence
-from robotctl.planning.map.mask import Mask
+from robotctl.planning.map.mask import SPEEDS, Mask
 from robotctl.planning.map.polygon_cells import polygon_cells
 from robotctl.planning.map.zone import Zone
 
@@ -83,7 +83,7 @@ def speed_limits(
 ) -> NDArray[np.float32] | None:
     """Return the speed limit of each cell [m/s], inf where there is none; None: nowhere."""
     slow = [zone for zone in closed.zones if zone.speed_m_s > 0.0]
-    masks = [mask for mask in closed.masks if mask.config.kind != "keep_out"]
+    masks = [mask for mask in closed.masks if mask.config.kind in SPEEDS]
     if not slow and not masks:
         return None
     limits = np.full(grid.shape, np.inf, np.float32)

@@ -131,3 +131,42 @@ def test_a_fine_line_of_a_mask_counts_in_a_coarse_map():
     prices = mask.prices(GridMap(np.zeros((10, 10), np.int8), 0.1))
     assert (prices[:, 3] == 3.0).all()
     assert (np.delete(prices, 3, axis=1) == 1.0).all()
+
+
+def binary(values, side_m=0.5, origin=None, **meaning):
+    config = MaskConfig("masks/camera_off.yaml", "binary", **meaning)
+    return Mask(config, GridMap(np.array(values, np.int8), side_m, origin or SE2()))
+
+
+def test_a_binary_mask_has_an_area_and_closes_nothing():
+    mask = binary([[0, 100, 1, -1]])
+    assert mask.config.name == "camera_off"
+    assert [mask.has(x_m, 0.2) for x_m in (0.2, 0.7, 1.2, 1.7, 2.2, -0.2)] == [0, 1, 1, 0, 0, 0]
+    grid = GridMap(np.zeros((2, 8), np.int8), 0.25)
+    closed = Closed(masks=(mask,))
+    assert not closed.cells(grid).any()
+    assert speed_limits(grid, closed, 1.0) is None
+    assert path_prices(grid, closed, None, 1.0) is None
+
+
+def test_what_counts_as_inside_may_be_turned_round():
+    mask = binary([[0, 49, 51, 100]], base=1.0, multiplier=-0.01)
+    assert [mask.has(x_m, 0.2) for x_m in (0.2, 0.7, 1.2, 1.7)] == [1, 1, 0, 0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-math.pi, math.pi)),
+    st.tuples(st.floats(-1.0, 3.0), st.floats(-1.0, 3.0)),
+    st.integers(0, 99),
+)
+def test_its_area_is_where_its_cells_are(pose, place, seed):
+    values = np.random.default_rng(seed).choice([0, 100], (4, 4))
+    mask = binary(values, origin=SE2(*pose))
+    x_m, y_m = mask.grid.origin.apply(*place)
+    cells = shapely.union_all(
+        [square(row, column, mask.grid) for row, column in np.argwhere(values)]
+    )
+    point = shapely.Point(x_m, y_m)
+    if cells.boundary.distance(point) > 1e-6:
+        assert mask.has(x_m, y_m) is bool(cells.contains(point))

@@ -75,6 +75,10 @@ class Pilot(Protocol):
     def moving(self) -> NDArray[np.float64]:
         """Things that a lidar sees move, (k, 5), as `LocalSituation.moving`."""
 
+    @property
+    def areas(self) -> tuple[str, ...]:
+        """Names of the areas of binary masks that `base` is in."""
+
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
 

@@ -150,6 +150,7 @@ class MapPilot:
         self._drawn_zones: Sequence[Zone] = ()
         self._places = None if topology is None else KnownPlaces(topology)
         self._here = home
+        self._masks = tuple(masks)
         self._done = (0, 0)
         """Paths taken and recoveries on the journeys before the present one."""
         self._journey: Journey | None = None
@@ -184,6 +185,12 @@ class MapPilot:
     def moving(self) -> NDArray[np.float64]:
         """Things that a lidar sees move, (k, 5), as `LocalSituation.moving`."""
         return self.tools.world.moving
+
+    @property
+    def areas(self) -> tuple[str, ...]:
+        """Names of the areas of binary masks that `base` is in."""
+        x_m, y_m = self._here.x_m, self._here.y_m
+        return tuple(mask.config.name for mask in self._masks if mask.has(x_m, y_m))
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""

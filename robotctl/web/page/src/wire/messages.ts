@@ -315,6 +315,7 @@ export interface NavigationState {
   readonly wanted: readonly [number, number, number];
   readonly limited_by: string;
   readonly body: number;
+  readonly areas: readonly string[];
 }
 
 export interface ClosedLoop {
