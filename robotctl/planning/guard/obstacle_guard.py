@@ -94,9 +94,11 @@ class ObstacleGuard:
     the floor, which a camera sees, count where the robot driving straight on would meet them.
 
     Points of a lidar are exact: each counts where the body, nose and tail included, would touch it
-    on the arc that is asked for, or as it turns on the spot. Echoes do not hinder that, or a robot
-    in a corner would never leave it. What a sonar that looks aside of the course hears where a
-    lidar has points counts as those. A robot whose lidar is silent stands where no sonar looks.
+    on the arc that is asked for, or as it turns on the spot. Who is seen to move, and comes nearer,
+    finds the body at rest, wherever it moves towards them. Echoes do not hinder a turn on the spot,
+    or a robot in a corner would never leave it. What a sonar that looks aside of the course hears
+    where a lidar has points counts as those. A robot whose lidar is silent stands where no sonar
+    looks.
 
     Echoes that a robot without lidar has passed count like the points of a lidar, up to where the
     body would touch them.
@@ -168,6 +170,7 @@ class ObstacleGuard:
         self.body, self._corners, self.reach_over_m = body, corners, reach_over_m
         self._views = [_view(index, mount, corners) for index, mount in enumerate(self._mounts)]
         self._sides: Sides | None = None
+        self._edge: NDArray[np.float64] | None = None
         self._answered = None
 
     def reset(self) -> None:
@@ -281,11 +284,13 @@ class ObstacleGuard:
     def _step(self, course: Course) -> GuardStep:
         """Return the limit on a course."""
         if course.is_on_the_spot:
-            return self._on_the_spot(course.turn)
-        distance_m, obstacle = self._free(course, self._views)
-        allowed = GuardStep(self._speed_for(distance_m), obstacle)
-        yields = self._speed_before_others(course)
-        return min(yields, allowed, key=lambda each: each.v_max_m_s)
+            limits = [self._on_the_spot(course.turn)]
+        else:
+            distance_m, obstacle = self._free(course, self._views)
+            stands = GuardStep(self._speed_for(distance_m), obstacle)
+            limits = [self._speed_before_others(course), stands]
+        limits.append(self._speed_before_movers(course))
+        return min(limits, key=lambda each: each.v_max_m_s)
 
     @property
     def sees_ahead(self) -> bool:
@@ -372,19 +377,47 @@ class ObstacleGuard:
         if not near:
             return GuardStep(v_max_m_s, who)
         moves = self._moves(course)
-        a, t = self._config.deceleration_m_s2, self._config.reaction_s
-        for view, (range_m, w) in near:
+        for view, (range_m, nears_m_s) in near:
             for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
-                c = view.normal[0] * x + view.normal[1] * y
-                if c <= LEAST_CLOSING:
+                closing = view.normal[0] * x + view.normal[1] * y
+                if closing <= LEAST_CLOSING:
                     continue
-                gap_m = range_m - reach_m - self._config.margin_m
-                v_m_s = speed_before(gap_m, w, a, t, closing=c)
-                if c <= _PASSING:
-                    v_m_s = max(v_m_s, _GRAZE_M_S / c)
+                v_m_s = self._speed_before(closing, range_m - reach_m, nears_m_s)
                 if v_m_s < v_max_m_s:
                     v_max_m_s, who = v_m_s, f"{view.name} sees something that may come nearer"
         return GuardStep(v_max_m_s, who)
+
+    def _speed_before_movers(self, course: Course) -> GuardStep:
+        """Return the same before what a lidar sees move; on the spot, of the outermost corner."""
+        if not self._moving:
+            return GuardStep(math.inf, "")
+        from robotctl.planning.guard.movers import edge_of, nearings  # noqa: PLC0415 - see above
+
+        if self._edge is None:
+            self._edge = edge_of(self.body)
+        found = nearings(self._edge, self._moving, course, self.reach_m)
+        v_max_m_s = min((self._speed_before(*each) for each in found), default=math.inf)
+        return GuardStep(v_max_m_s, "somebody comes nearer")
+
+    def _speed_before(self, closing: float, gap_m: float, nears_m_s: float) -> float:
+        """Return the speed from which a part of the body stands a margin before somebody is there.
+
+        Parameters
+        ----------
+        closing
+            Way of it towards them per way of `base`, > 0.
+        gap_m, nears_m_s
+            Distance from them [m], and their speed [m/s].
+        """
+        config = self._config
+        v_m_s = speed_before(
+            gap_m - config.margin_m,
+            nears_m_s,
+            config.deceleration_m_s2,
+            config.reaction_s,
+            closing=closing,
+        )
+        return max(v_m_s, _GRAZE_M_S / closing) if closing <= _PASSING else v_m_s
 
     def _near_people(self) -> GuardStep:
         """Return the limit of a robot that is to be slow near people, wherever it drives."""
