@@ -38,8 +38,8 @@ MATCHING: Final = 0.8
 READINGS: Final = 5
 """Readings a comparison needs; a fast robot drives farther than `travel_m` for them."""
 
-CONTRADICTION_NS: Final = 2_000_000_000
-"""Front and rear must contradict within this [ns], or within one comparison of a slow robot."""
+_NEVER_NS: Final = -1
+"""Earlier than any comparison [ns]."""
 
 
 class _Track:
@@ -54,7 +54,7 @@ class _Track:
     def __init__(self, name: str, sign: float) -> None:
         self.name = name
         self.sign = sign
-        self.contradicted_ns = -CONTRADICTION_NS
+        self.contradicted_ns = _NEVER_NS
         self.begin(math.nan, SE2(), 0)
 
     def begin(self, range_m: float, start: SE2, stamp_ns: int) -> None:
@@ -101,7 +101,7 @@ class SonarMonitor:
         """Restart all comparisons."""
         for track in self._tracks.values():
             track.readings = 0
-            track.contradicted_ns = -CONTRADICTION_NS
+            track.contradicted_ns = _NEVER_NS
 
     def update(self, inputs: MonitorInputs) -> Fault | None:
         """Take the inputs of one tick; return a contradiction, None if none is."""
@@ -166,12 +166,14 @@ class SonarMonitor:
         is_match = track.matches(range_m, nearer_m)
         if is_match and track.matching >= MATCHING * track.readings:
             track.contradicted_ns = stamp_ns
-            return self._contradiction(track.began_ns, stamp_ns)
+            return self._contradiction(track.began_ns)
         return None
 
-    def _contradiction(self, began_ns: int, now_ns: int) -> Fault | None:
-        """Return a fault if a sonar ahead and one behind both see reversed motion."""
-        since_ns = min(began_ns, now_ns - CONTRADICTION_NS + 1)
+    def _contradiction(self, since_ns: int) -> Fault | None:
+        """Return a fault if a sonar ahead and one behind both see reversed motion, at one time.
+
+        One after the other may be two people who walk the robot's way, one ahead and one behind.
+        """
         against = [track for track in self._tracks.values() if track.contradicted_ns >= since_ns]
         if {track.sign for track in against} != {1.0, -1.0}:
             return None

@@ -38,7 +38,7 @@ from robotctl.planning.braking import speed_before
 from robotctl.planning.map.groups import with_groups
 from robotctl.planning.path.global_planning.closed_way import ClosedWay
 from robotctl.planning.path.global_planning.goal import Goal
-from robotctl.planning.path.global_planning.plan import PlanFailure, Reason
+from robotctl.planning.path.global_planning.plan import PlanFailure, Point, Reason
 from robotctl.planning.path.global_planning.route import Route
 from robotctl.planning.path.local.controller import LocalMotion, LocalSituation
 from robotctl.words import counted
@@ -47,6 +47,9 @@ _ELSEWHERE_M: Final = 0.5
 """Distance from which on a moved goal is another one for the ladder [m]."""
 _AGAIN_NS: Final = 500_000_000
 """Interval between two searches for a path past a person who stands in the way [ns]."""
+_OFTEN: Final = 3
+_SAME_M: Final = 0.5
+"""Number of troubles within a distance [m] after which the robot avoids that place."""
 _AHEAD_M: Final = 0.6
 """Distance to the place that the robot counts as closed where it stands in trouble [m]."""
 _SOON_S: Final = 1.0
@@ -115,7 +118,7 @@ class Journey(Behaviour):
         self._given_up_ns: int | None = None
         """Time of the first end of the ladder since the last progress [ns]."""
         self._replanner.reset()
-        self._tools.paths.begin_journey()
+        self._forget_troubles()
         self.pause()
 
     def redirect(self, goal: Goal, speed_m_s: float) -> None:
@@ -126,7 +129,15 @@ class Journey(Behaviour):
             self._ladder_goal = goal
             self._closed = self._given_up_ns = None
             self._ladder.restart()
-            self._tools.paths.begin_journey()
+            self._forget_troubles()
+
+    def _forget_troubles(self) -> None:
+        """Begin another journey."""
+        self._troubles: list[Point] = []
+        """Places of all troubles so far [m]."""
+        self._avoids = False
+        """Whether it avoids the place of the last one."""
+        self._tools.paths.begin_journey()
 
     def pause(self) -> None:
         """Replan after the pause; what the robot has asked counts as answered by it."""
@@ -343,7 +354,12 @@ class Journey(Behaviour):
         if name is None and self._waits_for_people(now_ns):
             self._ladder.restart()
             name = self._ladder.climb()
-        trouble = Trouble(reason, now_ns, pose, self._place_ahead(pose), self._progress.track)
+        place = self._place_ahead(pose)
+        self._troubles.append(place)
+        self._avoids = sum(math.dist(place, each) < _SAME_M for each in self._troubles) >= _OFTEN
+        if self._avoids:
+            self._tools.paths.avoid(place)
+        trouble = Trouble(reason, now_ns, pose, place, self._progress.track)
         self._replanner.route, self._progress.driven_m = None, 0.0
         self._stuck.reset()
         if name is None:
@@ -359,7 +375,7 @@ class Journey(Behaviour):
             self._given_up_ns = now_ns
         return now_ns - self._given_up_ns < round(1e9 * self._tools.recovery.people_s)
 
-    def _place_ahead(self, pose: SE2) -> tuple[float, float]:
+    def _place_ahead(self, pose: SE2) -> Point:
         """Return where the robot does not get on: a little ahead, on its path if it has one."""
         away = pose @ SE2(_AHEAD_M)
         route = self._replanner.route
@@ -382,7 +398,7 @@ class Journey(Behaviour):
             output = None
         if output is None:
             self._rung = None
-            if rung.turns_first:
+            if rung.turns_first or self._avoids:
                 self._turn_round.face_path()
         return output
 

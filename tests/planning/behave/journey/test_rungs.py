@@ -12,7 +12,7 @@ from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, Status
 from robotctl.planning.behave.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behave.behaviours.kind import NavigatedRobot
 from robotctl.planning.behave.behaviours.recovery import Ladder
-from robotctl.planning.behave.journey.rungs import RUNGS, Ask, OtherWay, Retrace
+from robotctl.planning.behave.journey.rungs import RUNGS, Ask, Retrace
 from robotctl.planning.behave.mission.mission_file import parse_mission
 from robotctl.planning.behave.mission.runner import MissionRunner
 from robotctl.planning.config import NavigationConfig, RecoveryConfig, RungName
@@ -108,16 +108,24 @@ def held_before_the_near_door(bench):
     return bench
 
 
-@pytest.mark.parametrize(("ladder", "arrives"), [(("other_way",), True), (("replan",), False)])
-def test_it_takes_another_way_where_it_is_held_and_nothing_is_seen(ladder, arrives):
+@pytest.mark.parametrize(("rung", "times"), [("other_way", 1), ("replan", 3)])
+def test_it_takes_another_way_where_it_is_held_and_nothing_is_seen(rung, times):
     start = SE2(1.0, 1.9, 0.0)
     bench = held_before_the_near_door(
-        bench_of(two_doors(), two_doors(), start, *ladder, retries=10)
+        bench_of(two_doors(), two_doors(), start, *[rung] * 5, retries=10)
     )
-    end = bench.drive(5.0, 1.9, seconds=90.0)
-    assert (end is not None and end.status is Status.DONE) == arrives
-    told = [text for text in bench.texts if text.startswith(OtherWay.words)]
-    assert bool(told) == arrives
+    assert bench.drive(5.0, 1.9, seconds=90.0).status is Status.DONE
+    told = [text.startswith(RUNGS[rung].words) for text in bench.texts]
+    assert np.count_nonzero(np.diff([0, *told]) == 1) == times
+
+
+def test_where_it_was_in_trouble_once_it_may_go_again():
+    bench = held_before_the_near_door(
+        bench_of(two_doors(), two_doors(), SE2(1.0, 1.9, 0.0), "replan", retries=1)
+    )
+    assert bench.drive(5.0, 1.9, seconds=90.0).status is Status.FAILED
+    plan = bench.pilot.tools.paths.plan(SE2(1.0, 1.9, 0.0), Goal(5.0, 1.9))
+    assert plan.poses[:, 1].max() < 2.6  # by the near door
 
 
 def test_a_journey_avoids_nothing_that_the_one_before_did():
