@@ -50,6 +50,10 @@ _AGAIN_NS: Final = 500_000_000
 _OFTEN: Final = 3
 _SAME_M: Final = 0.5
 """Number of troubles within a distance [m] after which the robot avoids that place."""
+_LONGER: Final = 1.5
+_MORE_M: Final = 2.0
+"""Length of a way round, by that of the way that somebody may be about to free, and more than that
+[m], from which on the robot waits for them first."""
 _AHEAD_M: Final = 0.6
 """Distance to the place that the robot counts as closed where it stands in trouble [m]."""
 _SOON_S: Final = 1.0
@@ -58,8 +62,11 @@ _SCAN_S: Final = 0.1
 """Age of what a lidar shows [s]."""
 _LATELY_NS: Final = 10_000_000_000
 """Time since somebody was near in which they may still be in the way [ns]."""
+_JUST_NS: Final = 2_000_000_000
+"""The same in which they may be about to pass."""
 _LOOKS_M_S: Final = 0.1
 """Speed at which the robot may come to see more, however little it sees [m/s]."""
+_WAITS_BEFORE: Final = BehaviourOutput(0.0, 0.0, text="waiting before a long way round")
 _PERMANENT_FAILURES: Final = frozenset(
     {
         Reason.GOAL_OFF_MAP,
@@ -135,6 +142,10 @@ class Journey(Behaviour):
         """Begin another journey."""
         self._troubles: list[Point] = []
         """Places of all troubles so far [m]."""
+        self._left_m = math.inf
+        """What was left of the last path [m]."""
+        self._round_ns: int | None = None
+        """Time since which it waits before a long way round [ns]."""
         self._avoids = False
         """Whether it avoids the place of the last one."""
         self._tools.paths.begin_journey()
@@ -191,6 +202,7 @@ class Journey(Behaviour):
         """Return the next velocity along the path; done where it ends at the goal."""
         pose = situation.pose
         motion = self._looked_at(pose, self._follow(situation, route))
+        self._left_m = route.left_m
         self._tools.shown = route.rest, motion.ahead
         is_at_end = motion.arrived and not self._replanner.is_redirected
         if (is_at_end and route.leads_there) or self._replanner.is_there(pose):
@@ -231,7 +243,7 @@ class Journey(Behaviour):
             self._progress.follow(pose)
             if self._progress.driven_m > self._tools.journey.rungs.progress_m:
                 self._ladder.progress()
-                self._given_up_ns = None
+                self._given_up_ns = self._round_ns = None
         else:
             self._progress.stand(pose)
         if (
@@ -303,6 +315,8 @@ class Journey(Behaviour):
         if now_ns - self._replanner.planned_ns < _AGAIN_NS:
             if self._stuck.is_patient(pose, now_ns):
                 return BehaviourOutput(0.0, 0.0, text="waiting for somebody to pass")
+            if self._round_ns is not None:
+                return _WAITS_BEFORE
             if self._closed is not None and self._waits(self._closed, now_ns):
                 return BehaviourOutput(0.0, 0.0, text=self._closed.text)
             if self._replanner.chases:
@@ -313,10 +327,30 @@ class Journey(Behaviour):
             if isinstance(found, BehaviourOutput):
                 return found
             answer = found
+        if self._waits_before(answer, pose, now_ns):
+            self._replanner.route = None
+            return _WAITS_BEFORE
         if self._closed is not None:
             self._stuck.reset()
         self._replanner.route = answer
         return answer
+
+    def _waits_before(self, answer: Route, pose: SE2, now_ns: int) -> bool:
+        """Return whether to wait for somebody to pass before a long way round, by the last path.
+
+        After that the robot takes it, and does not come back as soon as they move a little.
+        """
+        leads_round = answer.left_m > _LONGER * self._left_m + _MORE_M
+        if not leads_round or self._met_ns is None or now_ns - self._met_ns > _JUST_NS:
+            self._round_ns = None
+            return False
+        if self._round_ns is None:
+            self._round_ns = now_ns
+        if now_ns - self._round_ns <= round(1e9 * self._tools.journey.patience_s):
+            return True
+        self._round_ns = None
+        self._tools.paths.avoid(self._place_ahead(pose))
+        return False
 
     def _without_path(
         self, failure: PlanFailure, pose: SE2, now_ns: int

@@ -122,3 +122,26 @@ def test_it_waits_for_people_in_a_door_only_if_there_is_no_other_place(door_m, i
     lane = Lane.of(np.array([0.6, 0.6, 0.5, 0.0, 0.22]))
     best = PlacesAside(bench.pilot.tools).find(lane, [lane], pose, 0.5, [])[0]
     assert (abs(best.x_m - 6.4) < 0.4 and 1.2 < best.y_m < 2.0) is in_door, best
+
+
+def two_far_doors(person=None):
+    """Return two rooms with a door of 0.8 m about (6, 1), where one may be, and one far off."""
+    cells = with_people([] if person is None else [person])
+    cells[:12, 120] = cells[28:150, 120] = cells[170:, 120] = 100
+    return cells
+
+
+@pytest.mark.parametrize(("stays_s", "by_the_door"), [(4.5, True), (60.0, False)])
+def test_it_waits_for_somebody_in_a_door_before_it_takes_a_long_way_round(stays_s, by_the_door):
+    bench = Bench(two_far_doors(), two_far_doors(), SE2(3.5, 1.0), minding(give_way_s=0.0), BEAMS)
+    driven = []
+
+    def each(bench):
+        time_s = 1e-9 * bench.now_ns
+        comes = max(8.0 - 0.8 * time_s, 6.0), 1.0
+        bench.world = two_far_doors(comes if time_s < stays_s else None)
+        driven.append((bench.pose.x_m, bench.pose.y_m))
+
+    assert bench.drive(8.5, 1.0, seconds=90.0, each=each).status is Status.DONE
+    assert "waiting before a long way round" in bench.texts
+    assert bool(crossing_m(np.array(driven)) < 3.0) is by_the_door
