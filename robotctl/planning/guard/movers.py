@@ -1,4 +1,4 @@
-"""How the points of a moving body and people whom a lidar sees move come nearer to each other."""
+"""Encounters of a moving body with people whom a lidar sees move."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from robotctl.planning.guard.course import LEAST_CLOSING, Course
 _APART_M: Final = 0.1
 """Maximum distance between two points of the outline that are looked at [m]."""
 _NEARS_M_S: Final = 0.1
-"""Speed towards the body below which somebody stands, as far as a track tells [m/s]."""
+"""Least speed of an approaching person towards the body [m/s]: tracks of others are as fast."""
 _TOUCHES_M: Final = 1e-6
 """Distance below which no direction can be told [m]."""
 
 
-class Nearing(NamedTuple):
-    """A point of the body and somebody who come nearer to each other."""
+class Encounter(NamedTuple):
+    """Approach of a point of the body and a person to each other."""
 
     closing: float
-    """Way of the point towards them per way of `base`, > 0."""
+    """Way of the point towards the person per way of `base`, > 0."""
     gap_m: float
-    """Distance [m]; below 0: they overlap."""
+    """Distance between both [m]; below 0: they overlap."""
     nears_m_s: float
-    """Their speed towards the point [m/s]."""
+    """Speed of the person towards the point [m/s]."""
 
 
 def edge_of(body: Footprint) -> NDArray[np.float64]:
@@ -41,10 +41,10 @@ def edge_of(body: Footprint) -> NDArray[np.float64]:
     )
 
 
-def nearings(
+def encounters(
     edge: NDArray[np.float64], moving: Sequence[Sequence[float]], course: Course, reach_m: float
-) -> list[Nearing]:
-    """Return all who come nearer to points of the body that come nearer to them.
+) -> list[Encounter]:
+    """Return the encounters of all points of the body with all who move.
 
     Parameters
     ----------
@@ -69,4 +69,4 @@ def nearings(
     nears_m_s = -(towards * others[..., 2:4]).sum(axis=2)
     both = (closing > LEAST_CLOSING) & (nears_m_s > _NEARS_M_S)
     columns = closing[both], (away_m - others[..., 4])[both], nears_m_s[both]
-    return [Nearing(*row) for row in zip(*(each.tolist() for each in columns), strict=True)]
+    return [Encounter(*row) for row in zip(*(each.tolist() for each in columns), strict=True)]

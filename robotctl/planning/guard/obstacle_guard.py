@@ -391,23 +391,23 @@ class ObstacleGuard:
         """Return the same before what a lidar sees move; on the spot, of the outermost corner."""
         if not self._moving:
             return GuardStep(math.inf, "")
-        from robotctl.planning.guard.movers import edge_of, nearings  # noqa: PLC0415 - see above
+        from robotctl.planning.guard.movers import edge_of, encounters  # noqa: PLC0415 - see above
 
         if self._edge is None:
             self._edge = edge_of(self.body)
-        found = nearings(self._edge, self._moving, course, self.reach_m)
+        found = encounters(self._edge, self._moving, course, self.reach_m)
         v_max_m_s = min((self._speed_before(*each) for each in found), default=math.inf)
         return GuardStep(v_max_m_s, "somebody comes nearer")
 
     def _speed_before(self, closing: float, gap_m: float, nears_m_s: float) -> float:
-        """Return the speed from which a part of the body stands a margin before somebody is there.
+        """Return the largest speed from which a part of the body stops a margin before a person.
 
         Parameters
         ----------
         closing
-            Way of it towards them per way of `base`, > 0.
+            Way of that part towards the person per way of `base`, > 0.
         gap_m, nears_m_s
-            Distance from them [m], and their speed [m/s].
+            Distance from the person [m], and that person's speed [m/s].
         """
         config = self._config
         v_m_s = speed_before(

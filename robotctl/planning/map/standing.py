@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SAME_M: Final = 0.5
-"""Distance within which somebody seen in two steps is one [m]."""
+"""Maximum distance between two places of one person in successive scans [m]."""
 _UNSEEN_NS: Final = 1_000_000_000
-"""Time that the map takes to show somebody who has stopped [ns]."""
+"""Time within which the map shows a person who has stopped [ns]."""
 _LIFE_NS: Final = 120_000_000_000
-"""Time after which somebody who has not stirred may be a thing [ns]: lines move up."""
+"""Time after which a person is forgotten who has not stirred [ns]: it may be a thing."""
 
 
 class StandingPeople:
-    """Remembers where somebody who walked has stopped.
+    """Places of people who walked and have stopped.
 
     Nothing in a scan tells a person who stands from a post, so they are those who were seen to
     walk. They stand as long as the map shows something where they stopped.
@@ -67,7 +67,7 @@ class StandingPeople:
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """Places at which somebody stands, (n, 2) [m]."""
+        """Places of people who stand, (n, 2) [m]."""
         return np.array([each[:2] for each in self._stopped]).reshape(-1, 2)
 
     def gaps(self, apart_m: float) -> NDArray[np.float64]:

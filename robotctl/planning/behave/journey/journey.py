@@ -52,8 +52,8 @@ _SAME_M: Final = 0.5
 """Number of troubles within a distance [m] after which the robot avoids that place."""
 _LONGER: Final = 1.5
 _MORE_M: Final = 2.0
-"""Length of a way round, by that of the way that somebody may be about to free, and more than that
-[m], from which on the robot waits for them first."""
+"""A path longer than the rest of the last one, by this factor and this length [m], is a detour,
+before which the robot waits for people to clear the way."""
 _AHEAD_M: Final = 0.6
 """Distance to the place that the robot counts as closed where it stands in trouble [m]."""
 _SOON_S: Final = 1.0
@@ -66,7 +66,7 @@ _JUST_NS: Final = 2_000_000_000
 """The same in which they may be about to pass."""
 _LOOKS_M_S: Final = 0.1
 """Speed at which the robot may come to see more, however little it sees [m/s]."""
-_WAITS_BEFORE: Final = BehaviourOutput(0.0, 0.0, text="waiting before a long way round")
+_WAITS_BEFORE: Final = BehaviourOutput(0.0, 0.0, text="waiting before a detour")
 _PERMANENT_FAILURES: Final = frozenset(
     {
         Reason.GOAL_OFF_MAP,
@@ -143,7 +143,7 @@ class Journey(Behaviour):
         self._troubles: list[Point] = []
         """Places of all troubles so far [m]."""
         self._left_m = math.inf
-        """What was left of the last path [m]."""
+        """Length left of the last path [m]."""
         self._round_ns: int | None = None
         """Time since which it waits before a long way round [ns]."""
         self._avoids = False
@@ -336,9 +336,10 @@ class Journey(Behaviour):
         return answer
 
     def _waits_before(self, answer: Route, pose: SE2, now_ns: int) -> bool:
-        """Return whether to wait for somebody to pass before a long way round, by the last path.
+        """Return whether a path is a detour, and people near may yet clear the way.
 
-        After that the robot takes it, and does not come back as soon as they move a little.
+        Once the robot has waited long enough it takes the detour, and avoids the place from then
+        on: it does not come back each time that they move a little.
         """
         leads_round = answer.left_m > _LONGER * self._left_m + _MORE_M
         if not leads_round or self._met_ns is None or now_ns - self._met_ns > _JUST_NS:

@@ -50,7 +50,7 @@ _STRAYS_S_PER_M: Final = 5.0
 """Time that a metre less of clearance counts as, and of what people may stray [s/m]."""
 
 _IN_DOOR_S: Final = 10.0
-"""Time that a place in a door counts as [s]: somebody may want to get through."""
+"""Penalty of a place in a door [s]: people may want to get through."""
 
 
 class _Places(NamedTuple):
@@ -196,7 +196,7 @@ class PlacesAside:
         return _Places(poses[free], costs_s[free])
 
     def _doors_s(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the time that places (n, 2) count as for being in a door, (n,) [s]."""
+        """Return the penalties of places (n, 2) that are in a door, (n,) [s]."""
         away_m = self._tools.world.doors.away_m(places)
         return np.where(away_m <= RADIUS_M + self._footprint.reach_m, _IN_DOOR_S, 0.0)
 

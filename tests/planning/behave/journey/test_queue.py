@@ -143,5 +143,5 @@ def test_it_waits_for_somebody_in_a_door_before_it_takes_a_long_way_round(stays_
         driven.append((bench.pose.x_m, bench.pose.y_m))
 
     assert bench.drive(8.5, 1.0, seconds=90.0, each=each).status is Status.DONE
-    assert "waiting before a long way round" in bench.texts
+    assert "waiting before a detour" in bench.texts
     assert bool(crossing_m(np.array(driven)) < 3.0) is by_the_door
