@@ -17,7 +17,7 @@ _OUTLINES = 40
 
 
 def save_plot(result: PlanResult, file: Path) -> None:
-    """Draw the map with what nearness to walls costs, and the path with the robot's outline.
+    """Draw the map with what nearness to walls costs, doors, and the path with the robot's outline.
 
     Without a path, the place that fails. Where the robot's middle cannot be the costs are darkest.
     """
@@ -27,6 +27,8 @@ def save_plot(result: PlanResult, file: Path) -> None:
         if len(result.space.footprint.corners) and result.config.comfort_m > 0.0:
             comfort_m = result.config.margin_m + result.config.comfort_m
             draw_costs(axes, costs_of(result.space, comfort_m))
+        if len(doors := result.space.closed.doors.places):
+            axes.plot(*doors.T, "D", color="tab:purple", label="door")
         answer = result.answer
         if isinstance(answer, PlanFailure):
             if answer.place is not None:

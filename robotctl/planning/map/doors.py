@@ -12,7 +12,7 @@ from scipy import ndimage  # type: ignore[import-untyped]
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.map.disc_prices import raise_in_disc
 from robotctl.planning.map.topological.build import LEAST_AREA_M2, open_depth_m
-from robotctl.planning.map.topological.regions import DOOR_M, floor_regions
+from robotctl.planning.map.topological.regions import DOOR_M, NECK, floor_regions
 
 _TILE_M: Final = 2.0
 """Side of the squares that doors are looked for in; as much around each is looked at [m]."""
@@ -65,7 +65,7 @@ def doors_of(grid: GridMap | None, radius_m: float, price_m: float) -> Doors:
     radius_m
         Radius of the circle in the robot: it asks nothing of narrower ones.
     price_m
-        See `Doors`; 0: doors cost nothing, and none are looked for, which takes a second or so.
+        See `Doors`; 0: doors cost nothing, and none are looked for, which takes some seconds in a large map.
     """
     if grid is None or price_m == 0.0:
         return NO_DOORS
@@ -91,6 +91,8 @@ def _doors_in(
     """Return the cells in the middles of the doors of a tile, from its corner on."""
     begin = [max(at - tile, 0) for at in corner]
     window = depth_m[begin[0] : corner[0] + 2 * tile, begin[1] : corner[1] + 2 * tile]
+    if not _has_neck(window, radius_m):
+        return []
     regions = floor_regions(window, radius_m)
     sizes_m2 = np.bincount(regions.ravel() + 1) * side_m**2
     large = (regions >= 0) & (sizes_m2[regions + 1] >= LEAST_AREA_M2)
@@ -106,3 +108,14 @@ def _doors_in(
         if widths_m.max() <= DOOR_M and (inside >= 0).all() and (inside < tile).all():
             doors.append(inside)
     return doors
+
+
+def _has_neck(depth_m: NDArray[np.float64], radius_m: float) -> bool:
+    """Return whether floor may be divided at a narrow place; a quick look for most of a hall."""
+    level_m = radius_m / NECK
+    while level_m * NECK <= 0.5 * DOOR_M:
+        # Both sides of a neck at least this narrow are as deep, and it is not.
+        if ndimage.label(depth_m >= level_m, np.ones((3, 3)))[1] > 1:
+            return True
+        level_m /= NECK
+    return False
