@@ -65,7 +65,8 @@ def doors_of(grid: GridMap | None, radius_m: float, price_m: float) -> Doors:
     radius_m
         Radius of the circle in the robot: it asks nothing of narrower ones.
     price_m
-        See `Doors`; 0: doors cost nothing, and none are looked for, which takes some seconds in a large map.
+        See `Doors`; 0: doors cost nothing, and none are looked for, which takes some seconds in
+        a large map.
     """
     if grid is None or price_m == 0.0:
         return NO_DOORS

@@ -140,13 +140,13 @@ def test_a_band_of_a_mask_is_passed_by_where_that_is_cheaper(planner, value, lon
     assert inside.any() != longer
 
 
-def test_a_binary_mask_is_refused_and_what_there_is_is_told(tmp_path):
+def test_a_mask_of_no_kind_is_refused_and_what_there_is_is_told(tmp_path):
     robot = tmp_path / "robot.toml"
-    mask = '[[navigation.pilot.mask]]\nfile = "lane.yaml"\nkind = "binary"\n'
+    mask = '[[navigation.pilot.mask]]\nfile = "lane.yaml"\nkind = "lane"\n'
     robot.write_text(f"{find_file('diff_drive').read_text()}\n{mask}")
     result = call(*FLAT, "--robot", robot)
     assert isinstance(result.exception, ConfigError)
-    assert "'keep_out', 'speed_percent' or 'speed_m_s'" in str(result.exception)
+    assert "'keep_out', 'speed_percent', 'speed_m_s' or 'binary'" in str(result.exception)
 
 
 def test_a_goal_in_a_wall_is_told_and_the_status_is_1(tmp_path):
