@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.map.disc_prices import raise_in_disc
+from robotctl.planning.map.discs import Disc, raise_in_disc
 from robotctl.planning.map.topological.build import LEAST_AREA_M2, open_depth_m
 from robotctl.planning.map.topological.regions import DOOR_M, NECK, floor_regions
 
@@ -38,7 +38,9 @@ class Doors(NamedTuple):
         prices = np.ones(grid.shape, np.float32)
         price = 1.0 + self.price_m / (2.0 * RADIUS_M)
         for row, column in grid.cell_of(self.places).tolist():
-            raise_in_disc(prices, column + 0.5, row + 0.5, RADIUS_M / grid.resolution_m, price)
+            raise_in_disc(
+                prices, Disc(column + 0.5, row + 0.5, RADIUS_M / grid.resolution_m), price
+            )
         return prices
 
     def away_m(self, places: NDArray[np.float64]) -> NDArray[np.float64]:

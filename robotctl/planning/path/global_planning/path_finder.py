@@ -6,13 +6,14 @@ import copy
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.map.disc_prices import raise_in_disc
+from robotctl.planning.map.discs import Disc, close_disc, raise_in_disc
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.arc import arc_to
@@ -38,9 +39,10 @@ _LOOKS_M: Final = 5.0
 _TURNED: Final = SE2(0.0, 0.0, math.pi)
 _AVOIDED_M: Final = 0.5
 """Radius of a place that is avoided [m]."""
-_AVOIDED: Final = 50.0
+_ROOM_M: Final = 0.1
+"""Clearance of a robot from such a place beside which it stands [m]."""
 _BETWEEN: Final = 10.0
-"""Price of a metre there, and between two people who stand together, in metres elsewhere."""
+"""Price of a metre between two people who stand together, in metres elsewhere."""
 _STEP_M: Final = 0.05
 """Step at which a path is looked at [m]."""
 
@@ -92,7 +94,7 @@ class PathFinder:
         self._avoided.clear()
 
     def avoid(self, place: Point) -> None:
-        """Pass a place in `world` [m] on this journey only if every other way is much longer."""
+        """Pass a place in `world` [m] on this journey only if there is no other way."""
         self._avoided.append(place)
 
     def begin_step(self) -> None:
@@ -170,21 +172,37 @@ class PathFinder:
 
     def _way(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
         """Return a path that the robot can take from where it is."""
-        space = self._with_prices(space)
-        return find_way(self.planner, space, start, goal, self._goes_on, steered=self.steered)
+        space = self._round_people(space)
+        plan = partial(find_way, self.planner, goes_on=self._goes_on, steered=self.steered)
+        if self._avoided:
+            answer = plan(self._without_avoided(space, start, goal), start, goal)
+            if not isinstance(answer, PlanFailure):
+                return answer
+        return plan(space, start, goal)
 
-    def _with_prices(self, space: PlanningMap) -> PlanningMap:
-        """Return a map on which places that are avoided, or between people, cost much."""
-        discs = [(*place, _AVOIDED_M, _AVOIDED) for place in self._avoided]
-        discs += [(*gap, _BETWEEN) for gap in self._gaps().tolist()]
-        if not discs:
+    def _round_people(self, space: PlanningMap) -> PlanningMap:
+        """Return a map on which paths between people who stand together cost much."""
+        gaps = self._gaps()
+        if not len(gaps):
             return space
         space = copy.copy(space)
-        prices = space.slowness = space.zone_prices().copy()
-        side_m = space.grid.resolution_m
-        for x_m, y_m, radius_m, price in discs:
-            here = space.to_cells(SE2(x_m, y_m, 0.0))
-            raise_in_disc(prices, here.x_m, here.y_m, radius_m / side_m, price)
+        space.slowness = space.zone_prices().copy()
+        for x_m, y_m, radius_m in gaps.tolist():
+            raise_in_disc(space.slowness, _disc(space, (x_m, y_m), radius_m), _BETWEEN)
+        return space
+
+    def _without_avoided(self, space: PlanningMap, *ends: SE2) -> PlanningMap:
+        """Return a map on which places that are avoided are closed, with room around the ends."""
+        space = copy.copy(space)
+        space.blocked, space.clearance = space.blocked.copy(), space.clearance.copy()
+        room_m = space.footprint.reach_m + _ROOM_M
+        reach = (space.footprint.reach_m + _AVOIDED_M) / space.grid.resolution_m
+        for place in self._avoided:
+            apart_m = min(math.dist(place, (end.x_m, end.y_m)) for end in ends)
+            radius_m = min(_AVOIDED_M, apart_m - room_m)
+            if radius_m > 0.0:
+                disc = _disc(space, place, radius_m)
+                close_disc(space.blocked, space.clearance, disc, reach)
         return space
 
     def _gaps(self) -> NDArray[np.float64]:
@@ -237,6 +255,12 @@ class PathFinder:
         places = dense(plan.poses, space.grid.resolution_m)
         far = np.hypot(*(places[:, :2] - (pose.x_m, pose.y_m)).T) > _LOOKS_M
         return bool(space.collides(space.poses_to_cells(places[far])).any())
+
+
+def _disc(space: PlanningMap, place: Point, radius_m: float) -> Disc:
+    """Return a disc about a place of `world` [m] in the frame of a map."""
+    middle = space.to_cells(SE2(*place))
+    return Disc(middle.x_m, middle.y_m, radius_m / space.grid.resolution_m)
 
 
 def _turned_round(plan: Plan) -> Plan:
