@@ -62,12 +62,15 @@ class WheelLoop:
         """Time within the band so far [s], up to `_REST_S`."""
         self._holds = False
         """Whether it rolled away from rest, so that the integral holds it."""
+        self._wanted = False
+        """Whether motion was commanded in the last step."""
 
     def step(self, reference_rad_s: float, bus_voltage_v: float, dt_s: float) -> float:
         """Return the duty [-1, 1] for a wheel reference [rad/s] at a supply [V].
 
         At rest with reference zero the output is exactly zero, so that no integral hums against
-        static friction or pushes against an obstacle. A wheel that then rolls away, as on a slope,
+        static friction or pushes against an obstacle: at once where something held the wheel before
+        it was to stand. A wheel that then rolls away, as on a slope,
         is held by the integral until another reference comes; it has rolled by about the holding
         voltage over ki.
         """
@@ -111,16 +114,19 @@ class WheelLoop:
     def _rests(self, dt_s: float, *, wanted: bool) -> bool:
         """Return whether the wheel is at rest without torque; `wanted`: motion is commanded."""
         position_rad = self.estimator.position_rad
+        if self._wanted and not wanted:
+            self._stand_rad = position_rad
+        self._wanted = wanted
         left = abs(position_rad - self._stand_rad) > self._band_rad
         if wanted:
             self._holds = False
         elif left and self._still_s >= _REST_S:
             self._holds = True
-        if wanted or left:
+        if left:
             self._stand_rad = position_rad
             self._still_s = 0.0
-        elif self._still_s < _REST_S:
+        elif self._still_s < _REST_S:  # also while something holds it that is to turn
             self._still_s += dt_s
             if self._still_s >= _REST_S:
                 self._stand_rad = position_rad
-        return self._still_s >= _REST_S and not self._holds
+        return self._still_s >= _REST_S and not (wanted or self._holds)

@@ -134,3 +134,21 @@ def test_the_next_reference_and_the_next_arming_end_the_hold():
         again(wheel)
         wheel.run(0.5)
         assert wheel.loop.duty == 0.0
+
+
+@pytest.mark.parametrize("counts", ENCODERS)
+def test_what_has_stopped_a_wheel_is_not_pushed_on_once_it_is_to_stand(counts: int) -> None:
+    wheel = Wheel(counts)
+    wheel.run(1.0, 5.0)
+    wheel.blocked = True
+    _, duties = wheel.run(0.4, 5.0)
+    assert duties[-1] > 0.3
+    _, duties = wheel.run(0.5)
+    assert np.flatnonzero(duties)[-1:].sum() * DT_S < 0.05
+
+
+def test_a_wheel_that_creeps_comes_to_rest_as_one_that_was_fast() -> None:
+    wheel = Wheel(2400)
+    wheel.run(3.0, 0.08)
+    _, duties = wheel.run(3.0)
+    assert not duties[round(1.0 / DT_S) :].any()
