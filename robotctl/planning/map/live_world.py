@@ -145,7 +145,7 @@ class LiveWorld:
                 self._scan_ns[scan.name] = scan.stamp_ns
                 self._take(seen.T_world_odom, T_odom_base, scan)
         self.heard = NOTHING_MOVES
-        if not self._sees_by_lidar:
+        if not self.sees_by_lidar:
             self._hear(pose, seen, now_ns)
         self.map.see_floor(pose, seen.floor_base, now_ns)
 
@@ -178,7 +178,7 @@ class LiveWorld:
             self.heard = heard_walkers(pose, self._mounts, approaches, self.map.explained)
 
     @property
-    def _sees_by_lidar(self) -> bool:
+    def sees_by_lidar(self) -> bool:
         """Whether there is a lidar, in the robot's file or heard by now."""
         return self._lidars > 0 or bool(self._scan_ns)
 
@@ -195,12 +195,12 @@ class LiveWorld:
     @property
     def knows_ways(self) -> bool:
         """Whether it has a map, or a lidar that shows the way; else only sonars."""
-        return self.has_map or self._sees_by_lidar
+        return self.has_map or self.sees_by_lidar
 
     @property
     def blindness(self) -> str:
         """Why the robot must not drive on what it sees; empty if it may."""
-        if not self._sees_by_lidar:
+        if not self.sees_by_lidar:
             return ""
         silent = len(self._scan_ns) < self._lidars
         last_ns = -1 if silent else min(self._scan_ns.values())

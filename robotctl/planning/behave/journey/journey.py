@@ -342,7 +342,8 @@ class Journey(Behaviour):
         on: it does not come back each time that they move a little.
         """
         leads_round = answer.left_m > _LONGER * self._left_m + _MORE_M
-        if not leads_round or self._met_ns is None or now_ns - self._met_ns > _JUST_NS:
+        sees = self._tools.world.sees_by_lidar
+        if not (leads_round and sees and self._met_lately(now_ns, _JUST_NS)):
             self._round_ns = None
             return False
         if self._round_ns is None:
@@ -390,8 +391,11 @@ class Journey(Behaviour):
             self._ladder.restart()
             name = self._ladder.climb()
         place = self._place_ahead(pose)
-        self._troubles.append(place)
-        self._avoids = sum(math.dist(place, each) < _SAME_M for each in self._troubles) >= _OFTEN
+        self._avoids = False
+        if not self._met_lately(now_ns, _LATELY_NS):  # else people may have been the trouble
+            self._troubles.append(place)
+            times = sum(math.dist(place, each) < _SAME_M for each in self._troubles)
+            self._avoids = times >= _OFTEN
         if self._avoids:
             self._tools.paths.avoid(place)
         trouble = Trouble(reason, now_ns, pose, place, self._progress.track)
@@ -404,11 +408,15 @@ class Journey(Behaviour):
 
     def _waits_for_people(self, now_ns: int) -> bool:
         """Return whether the robot, perhaps held up by somebody, is still patient."""
-        if self._met_ns is None or now_ns - self._met_ns > _LATELY_NS:
+        if not self._met_lately(now_ns, _LATELY_NS):
             return False
         if self._given_up_ns is None:
             self._given_up_ns = now_ns
         return now_ns - self._given_up_ns < round(1e9 * self._tools.recovery.people_s)
+
+    def _met_lately(self, now_ns: int, within_ns: int) -> bool:
+        """Return whether somebody was near within a time."""
+        return self._met_ns is not None and now_ns - self._met_ns <= within_ns
 
     def _place_ahead(self, pose: SE2) -> Point:
         """Return where the robot does not get on: a little ahead, on its path if it has one."""
