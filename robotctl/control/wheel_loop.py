@@ -70,9 +70,8 @@ class WheelLoop:
 
         At rest with reference zero the output is exactly zero, so that no integral hums against
         static friction or pushes against an obstacle: at once where something held the wheel before
-        it was to stand. A wheel that then rolls away, as on a slope,
-        is held by the integral until another reference comes; it has rolled by about the holding
-        voltage over ki.
+        it was to stand. A wheel that then rolls away, as on a slope, is held by the integral until
+        another reference comes; it has rolled by about the holding voltage over ki.
         """
         measured_rad_s = self.estimator.velocity_rad_s
         before_rad_s = self.reference_rad_s

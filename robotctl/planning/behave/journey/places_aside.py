@@ -48,7 +48,6 @@ SQUEEZE_M: Final = 0.03
 _TIGHT_S_PER_M: Final = 60.0
 _STRAYS_S_PER_M: Final = 5.0
 """Time that a metre less of clearance counts as, and of what people may stray [s/m]."""
-
 _IN_DOOR_S: Final = 10.0
 """Penalty of a place in a door [s]: people may want to get through."""
 

@@ -178,6 +178,8 @@ class PathFinder:
             answer = plan(self._without_avoided(space, start, goal), start, goal)
             if not isinstance(answer, PlanFailure):
                 return answer
+            if answer.reason is Reason.OUT_OF_TIME:  # and would be in each step to come
+                self._avoided.clear()
         return plan(space, start, goal)
 
     def _round_people(self, space: PlanningMap) -> PlanningMap:

@@ -18,6 +18,7 @@ from robotctl.planning.behave.mission.runner import MissionRunner
 from robotctl.planning.config import NavigationConfig, RecoveryConfig, RungName
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.path.global_planning.goal import Goal
+from robotctl.planning.path.global_planning.plan import Plan, PlanFailure, Reason
 from tests.planning.behave.journey.bench import DRIVE, SIDE_M, Bench, room
 
 
@@ -221,3 +222,29 @@ def test_a_mission_waits_for_the_go_ahead_while_its_item_asks():
     runner.step(BehaviourInput(bench.pose, bench.twist, (), ()), bench.now_ns)
     runner.jump(1)
     assert not runner.waits
+
+
+class Slow:
+    """A planner that has not enough time where a place is closed."""
+
+    def __init__(self, place):
+        self.place, self.closed = place, 0
+
+    def plan(self, space, start, goal, goes_on):
+        row, column = space.grid.cell_of(np.array([self.place]))[0]
+        if space.blocked[row, column]:
+            self.closed += 1
+            return PlanFailure(Reason.OUT_OF_TIME, "the time was over")
+        ends = [(each.x_m, each.y_m, each.theta_rad) for each in (start, goal)]
+        return Plan(np.array(ends), 1.0, 1)
+
+
+def test_a_place_is_avoided_no_more_if_a_way_round_takes_too_long_to_find():
+    bench = Bench(room(), room(), SE2(1.0, 2.0, 0.0))
+    bench.look()
+    paths = bench.pilot.tools.paths
+    paths.planner = Slow((3.0, 2.0))
+    paths.avoid((3.0, 2.0))
+    for _ in range(3):
+        assert isinstance(paths.plan(bench.pose, Goal(5.0, 2.0)), Plan)
+    assert paths.planner.closed == 1
