@@ -66,6 +66,7 @@ _JUST_NS: Final = 2_000_000_000
 """The same in which they may be about to pass."""
 _LOOKS_M_S: Final = 0.1
 """Speed at which the robot may come to see more, however little it sees [m/s]."""
+_STEP_BACK: Final = "waiting for somebody to step back"
 _WAITS_BEFORE: Final = BehaviourOutput(0.0, 0.0, text="waiting before a detour")
 _PERMANENT_FAILURES: Final = frozenset(
     {
@@ -202,6 +203,11 @@ class Journey(Behaviour):
         """Return the next velocity along the path; done where it ends at the goal."""
         pose = situation.pose
         motion = self._looked_at(pose, self._follow(situation, route))
+        if motion.creeps and self._met_lately(now_ns, _JUST_NS):
+            # It may be touched: who stands there steps back sooner than it gets past.
+            motion = motion._replace(
+                v_m_s=0.0, omega_rad_s=0.0, vy_m_s=0.0, blocked=True, text=_STEP_BACK
+            )
         self._left_m = route.left_m
         self._tools.shown = route.rest, motion.ahead
         is_at_end = motion.arrived and not self._replanner.is_redirected
@@ -415,7 +421,7 @@ class Journey(Behaviour):
         return now_ns - self._given_up_ns < round(1e9 * self._tools.recovery.people_s)
 
     def _met_lately(self, now_ns: int, within_ns: int) -> bool:
-        """Return whether somebody was near within a time."""
+        """Return whether anybody was near within a time."""
         return self._met_ns is not None and now_ns - self._met_ns <= within_ns
 
     def _place_ahead(self, pose: SE2) -> Point:

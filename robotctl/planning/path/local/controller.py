@@ -97,6 +97,8 @@ class LocalMotion(NamedTuple):
     """Whether the robot stands at the path's last pose, within the tolerances."""
     vy_m_s: float = 0.0
     """Velocity to the left of holonomic drives [m/s]."""
+    creeps: bool = False
+    """Whether the robot creeps away from something that is too near."""
 
     @property
     def speed_m_s(self) -> float:

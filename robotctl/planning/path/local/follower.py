@@ -418,7 +418,7 @@ class Follower:
             touches = is_too_near(problem.space, problem.tight, problem.pose)
             return motion._replace(blocked=True, text=_TOUCHED) if touches else None
         motion = _motion(situation, Choice(v, omega, choice.ahead))
-        return motion._replace(text="creeps away from what is too near")
+        return motion._replace(text="creeps away from what is too near", creeps=True)
 
     def _drawn(self, problem: RolloutProblem, side_m: float) -> Body | None:
         """Return the body without what things reach into it; None: they leave nothing."""

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behave.behaviours.behaviour import Status
+from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, Status
 from robotctl.planning.behave.journey.places_aside import PlacesAside
 from robotctl.planning.config import JourneyConfig, NavigationConfig
 from robotctl.planning.journey_config import PeopleConfig
 from robotctl.planning.map.lane import Lane
 from robotctl.planning.path.global_planning.goal import Goal
+from robotctl.planning.path.local.controller import LocalMotion
 from tests.planning.behave.journey.bench import SIDE_M, Bench, room, two_rooms
 
 BEAMS = np.linspace(-math.pi, math.pi, 720, endpoint=False)
@@ -145,3 +146,32 @@ def test_it_waits_for_somebody_in_a_door_before_it_takes_a_long_way_round(stays_
     assert bench.drive(8.5, 1.0, seconds=90.0, each=each).status is Status.DONE
     assert "waiting before a detour" in bench.texts
     assert bool(crossing_m(np.array(driven)) < 3.0) is by_the_door
+
+
+class Creeping:
+    """A controller that creeps away from something."""
+
+    def step(self, situation):
+        ahead = np.array([[situation.pose.x_m, situation.pose.y_m, 0.0]])
+        return LocalMotion(0.25, 0.1, ahead, text="creeps away", creeps=True)
+
+    def reset(self):
+        """Nothing is kept."""
+
+
+@pytest.mark.parametrize(("paces_m", "creeps"), [(0.0, True), (0.4, False)])
+def test_it_does_not_creep_past_somebody_who_is_there_just_now(paces_m, creeps):
+    bench = Bench(room(12.0, 9.0), room(12.0, 9.0), SE2(3.0, 3.0), minding(give_way_s=0.0), BEAMS)
+    bench.pilot.tools.controller = Creeping()
+    journey = bench.pilot.journey(Goal(9.0, 3.0), 0.5)
+    outputs = []
+    while bench.now_ns < 1.4e9:  # then it has stood for too long
+        bench.world = with_people([(3.8, 3.0 + paces_m * math.sin(2e-9 * bench.now_ns))])
+        bench.look()
+        situation = BehaviourInput(bench.pose, bench.twist, (), ())
+        outputs.append(journey.step(situation, bench.now_ns))
+        bench.move(0.0, 0.0)
+    speeds = [output.v_m_s for output in outputs[20:28]]
+    texts = {output.text for output in outputs[20:28]}
+    assert all(speed == (0.25 if creeps else 0.0) for speed in speeds)
+    assert ("waiting for somebody to step back" in texts) is not creeps
