@@ -36,14 +36,15 @@ HAVE_LIDAR = ("diff_drive",)
 LIDAR_BEAMS = 360
 """Gives a simulated robot a lidar."""
 WORLDS = {
-    "flat": (2.5, 8.0, 4),
-    "office": (5.0, 14.0, 10),
-    "depot": (5.0, 14.0, 6),
-    "corridor_loop": (4.0, 12.0, 4),
-    "warehouse": (5.0, 14.0, 6),
-    "tb3_sandbox": (2.5, 5.0, 2),
+    "flat": (2.5, 8.0, 4, 0.55),
+    "office": (5.0, 14.0, 10, 0.55),
+    "depot": (5.0, 14.0, 6, 0.55),
+    "corridor_loop": (4.0, 12.0, 4, 0.55),
+    "warehouse": (5.0, 14.0, 6, 0.55),
+    "tb3_sandbox": (2.5, 5.0, 2, 0.35),
 }
-"""Least and greatest distance of a goal [m], and how much clutter there is, by world."""
+"""Of each world: minimum and maximum distance of a goal [m], number of pieces of clutter, and room
+around start and goal, by the map [m]. In 0.55 m the longest robot can turn."""
 MAPS = ("warehouse", "tb3_sandbox")
 """Worlds that are ROS maps, in the folder `maps` of $ROBOTCTL_DATA."""
 USUAL = ("flat", "office")
@@ -51,8 +52,6 @@ USUAL = ("flat", "office")
 EACH = "each"
 MANNERS = (*(manner.value for manner in Manner), MIXED)
 USUAL_PEOPLE = (0, 3)
-ROOM_M = 0.55
-"""Room around start and goal, by the map: the longest robot can turn there [m]."""
 TRIES = 200
 
 
@@ -156,13 +155,13 @@ def draw(number: int, crowd: Crowd = Crowd(), worlds: tuple[str, ...] = USUAL) -
     turn = number // 6
     drive, world = DRIVES[number % 3], worlds[turn % len(worlds)]
     manner = crowd.manner_of(turn + turn // math.lcm(len(worlds), len(MANNERS)))
-    least_m, most_m, pieces = WORLDS[world]
+    least_m, most_m, pieces, room_m = WORLDS[world]
     fewest, most = crowd.people
     people = int(rng.integers(fewest, most + 1))
     lidar = number // 3 % 2 == 0
     file = world_file(world)
     room = load_room(file)
-    places = FreeSpace(room, ROOM_M, room.start[:2]).places
+    places = FreeSpace(room, room_m, room.start[:2]).places
     robot_file = find_file(drive)
     robot = load_robot(robot_file)
     for _ in range(TRIES):

@@ -193,8 +193,8 @@ class Person:
     """Person who walks, in a manner, a closed path of `points`, over and over.
 
     Who roams, a wanderer or a child that runs, begins at the first point; the path is for the
-    others. `speed_m_s` is that of walking, of a wanderer the fastest; a child has its own. Who is
-    stubborn stands at the last point for `stands_s`, as in a line, each time before walking on.
+    others. `speed_m_s` is that of walking, of a wanderer the fastest; a child has its own. A
+    stubborn person stands at the last point for `stands_s`, as in a line, before walking on.
     """
 
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
@@ -204,7 +204,7 @@ class Person:
 
     def __post_init__(self) -> None:
         if self.stands_s > 0.0 and self.manner is not Manner.STUBBORN:
-            raise ValueError(f"stands_s: of one who is stubborn, and this one {self.manner.value}")
+            raise ValueError(f"stands_s: {self.manner.value} found, manner stubborn needed")
         if any(a == b for a, b in itertools.pairwise((*self.points, self.points[0]))):
             raise ValueError("points: two that follow each other coincide")
 

@@ -69,8 +69,8 @@ class WheelLoop:
         """Return the duty [-1, 1] for a wheel reference [rad/s] at a supply [V].
 
         At rest with reference zero the output is exactly zero, so that no integral hums against
-        static friction or pushes against an obstacle: at once where something held the wheel before
-        it was to stand. A wheel that then rolls away, as on a slope, is held by the integral until
+        static friction or pushes against an obstacle; immediately if something was already holding
+        the wheel. A wheel that then rolls away, as on a slope, is held by the integral until
         another reference comes; it has rolled by about the holding voltage over ki.
         """
         measured_rad_s = self.estimator.velocity_rad_s
@@ -124,7 +124,7 @@ class WheelLoop:
         if left:
             self._stand_rad = position_rad
             self._still_s = 0.0
-        elif self._still_s < _REST_S:  # also while something holds it that is to turn
+        elif self._still_s < _REST_S:  # also while commanded to turn, if something holds it
             self._still_s += dt_s
             if self._still_s >= _REST_S:
                 self._stand_rad = position_rad

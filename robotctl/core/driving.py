@@ -17,8 +17,8 @@ STOPPED: Final = ActuatorCommand(enable=False, brake=True)
 """Wheels without power brake; joints stay where they are."""
 _REST: Final = Twist(0.0, 0.0)
 _HELD_M_S: Final = 0.1
-"""Speed by which a robot that is to stand may be slower than its reference [m/s]: more, and
-something holds it."""
+"""Maximum speed by which a robot that is braking to a stop lags its reference [m/s]: if it lags
+more, something holds it."""
 
 
 class Driving:
@@ -91,10 +91,10 @@ class Driving:
         return wanted != _REST
 
     def _yield(self, twist_meas: Twist) -> None:
-        """Lower the reference of a robot that is to stand, and that something has stopped before.
+        """Lower the reference of a robot that is braking to a stop and has hit something.
 
-        On the ramp of its limits it would push against that, and with what its loops wind up on
-        the way even at its end.
+        Following the ramp of its limits it would push against that, and its wheel loops would wind
+        up and push even once the ramp has ended.
         """
         limiter = self._limiter
         v_m_s, _, vy_m_s = limiter.twist
@@ -104,7 +104,7 @@ class Driving:
         along_m_s = (v_m_s * twist_meas.v_m_s + vy_m_s * twist_meas.vy_m_s) / speed_m_s
         share = max(along_m_s + _HELD_M_S, 0.0) / speed_m_s
         if share < 1.0:
-            # All of it by the same share: the robot stays on its arc, and can stop as it could.
+            # Scaled as a whole, the robot stays on its arc and can still stop without overshoot.
             limiter.reset(limiter.twist.scaled(share), limiter.acceleration.scaled(share))
 
     def command(

@@ -74,13 +74,12 @@ class PeopleConfig:
         larger, the robot goes round couples that are farther apart, not through between them; 0: it
         takes everybody alone.
     queue_m
-        Distance between two people who have come and stand up to which they stand in line, or talk
-        [m], 0 to 5: larger, paths lead round lines with wider gaps, not through between; 0: it
-        takes everybody alone.
+        Maximum distance between two people who walked up and stopped at which they stand in line,
+        or talk [m], 0 to 5: larger, paths lead round lines with wider gaps; 0: paths lead through
+        between people.
     door_m
-        Way that each door of the map counts as, in addition to its own [m], 0 to 9: larger, longer
-        ways without doors are taken; with any, it waits beside doors, not in them; 0: doors cost
-        nothing.
+        Extra length of a path that each door of the map counts as [m], 0 to 9: larger, longer ways
+        without doors are taken; above 0, the robot waits beside doors, not in them.
     hidden_m_s
         Assumed speed of a person who comes along the robot's path from where its lidar does not
         look [m/s], 0 to 3: larger, it is slower before corners, and behind people, who hide the

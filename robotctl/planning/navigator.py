@@ -186,7 +186,7 @@ class Navigator:
         self._use_body(tables["body"])
 
     def _use_body(self, body: BodyConfig) -> None:
-        """Change the body to another state; the way is planned anew."""
+        """Take another state of the body, and plan again."""
         if body.state == self._body_state or (footprint := body.footprint) is None:
             return
         self._body_state = body.state

@@ -170,9 +170,9 @@ class SonarMonitor:
         return None
 
     def _contradiction(self, since_ns: int) -> Fault | None:
-        """Return a fault if a sonar ahead and one behind both see reversed motion, at one time.
+        """Return a fault if a sonar ahead and one behind see reversed motion at the same time.
 
-        One after the other may be two people who walk the robot's way, one ahead and one behind.
+        If they see it one after the other, it may be two people walking along with the robot.
         """
         against = [track for track in self._tracks.values() if track.contradicted_ns >= since_ns]
         if {track.sign for track in against} != {1.0, -1.0}:

@@ -27,7 +27,7 @@ class Stubborn(Walker):
         self._path = ClosedPath(corners)
         self._stands_steps = round(stands_s / STEP_S)
         self._left_steps = 0
-        """Steps for which it stands yet."""
+        """Remaining steps for which it stands."""
         self.speed_m_s = speed_m_s
         self.at_m = 0.0
         self.sign = 1.0
@@ -39,7 +39,7 @@ class Stubborn(Walker):
         return self.at_m + self.sign * self.speed_m_s * STEP_NS * 1e-9
 
     def ahead(self) -> Place:
-        """Return the place a step farther along the path, or where it stands."""
+        """Return the place a step farther along the path, or the present one while it stands."""
         return self.place if self._left_steps else self._path.along(self._next_m)
 
     def go(self, ahead: Place) -> None:

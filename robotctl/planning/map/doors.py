@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,23 +16,30 @@ from robotctl.planning.map.topological.build import LEAST_AREA_M2, open_depth_m
 from robotctl.planning.map.topological.regions import DOOR_M, NECK, floor_regions
 
 _TILE_M: Final = 2.0
-"""Side of the squares that doors are looked for in; as much around each is looked at [m]."""
+"""Side of the tiles that are searched for doors, and width of the margin round each [m]."""
 RADIUS_M: Final = 0.5
-"""Radius of the disc in and around a door that belongs to it [m]."""
+"""Radius of the disc of floor that belongs to a door [m]."""
 
 
-class Doors(NamedTuple):
-    """Doors, and what one costs."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Doors:
+    """Doors of a map, and the price of each.
+
+    Parameters
+    ----------
+    places
+        Middles of the doors in `world`, (n, 2) [m].
+    price_m
+        Extra length of a path that a door counts as [m].
+    """
 
     places: NDArray[np.float64]
-    """(n, 2) their middles in `world` [m]."""
     price_m: float
-    """Way that a door counts as, in addition to its own [m]."""
 
     def prices(self, grid: GridMap) -> NDArray[np.float32] | None:
-        """Return how many times longer a path counts in each cell; None: there are no doors.
+        """Return the price of each cell, (rows, columns), at least 1; None: there are no doors.
 
-        A path straight through a door is in its disc for a diameter.
+        A path straight through a door crosses its disc along a diameter.
         """
         if not len(self.places):
             return None
@@ -55,20 +63,19 @@ NO_DOORS: Final = Doors(np.empty((0, 2)), 0.0)
 
 
 def doors_of(grid: GridMap | None, radius_m: float, price_m: float) -> Doors:
-    """Return the doors of a map: passages clearly narrower than the floor on both sides of them.
+    """Return the doors of a map: passages clearly narrower than the floor on both sides.
 
-    The floor around each place is divided alone, so that a door is one also where a wide way leads
-    round it.
+    Only the floor nearby counts, so that a door is found even where a wide way leads round it.
 
     Parameters
     ----------
     grid
         The map; None: the robot has none, and knows no doors.
     radius_m
-        Radius of the circle in the robot: it asks nothing of narrower ones.
+        Radius of the circle inscribed in the robot [m]; narrower passages do not count.
     price_m
-        See `Doors`; 0: doors cost nothing, and none are looked for, which takes some seconds in
-        a large map.
+        Price of a door, see `Doors`. At 0 none are searched for, which would take seconds on a
+        large map.
     """
     if grid is None or price_m == 0.0:
         return NO_DOORS
@@ -91,7 +98,7 @@ def doors_of(grid: GridMap | None, radius_m: float, price_m: float) -> Doors:
 def _doors_in(
     depth_m: NDArray[np.float64], corner: list[int], tile: int, radius_m: float, side_m: float
 ) -> list[NDArray[np.int64]]:
-    """Return the cells in the middles of the doors of a tile, from its corner on."""
+    """Return the middles of the doors in a tile, as rows and columns from its corner."""
     begin = [max(at - tile, 0) for at in corner]
     window = depth_m[begin[0] : corner[0] + 2 * tile, begin[1] : corner[1] + 2 * tile]
     if not _has_neck(window, radius_m):
@@ -114,10 +121,10 @@ def _doors_in(
 
 
 def _has_neck(depth_m: NDArray[np.float64], radius_m: float) -> bool:
-    """Return whether floor may be divided at a narrow place; a quick look for most of a hall."""
+    """Return whether the floor may have a neck: a quick check that most of a hall fails."""
     level_m = radius_m / NECK
     while level_m * NECK <= 0.5 * DOOR_M:
-        # Both sides of a neck at least this narrow are as deep, and it is not.
+        # Floor of at least this depth falls apart at a neck, but not within a hall.
         if ndimage.label(depth_m >= level_m, np.ones((3, 3)))[1] > 1:
             return True
         level_m /= NECK

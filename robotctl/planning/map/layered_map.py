@@ -29,6 +29,7 @@ from robotctl.planning.map import marks
 from robotctl.planning.map.body_cells import cells_at, drawn_in
 from robotctl.planning.map.clearance import Clearance
 from robotctl.planning.map.config import MapConfig
+from robotctl.planning.map.discs import Disc, cells_around
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.map.shut_cells import ShutCells
 from robotctl.planning.map.take_over import take_over, take_values
@@ -428,12 +429,8 @@ class LayeredMap:
     def is_marked_near(self, x_m: float, y_m: float) -> bool:
         """Return whether sensors have marked something within reach of a person at a place [m]."""
         here = self._space.to_cells(SE2(x_m, y_m, 0.0))
-        reach = _PERSON_M / self._space.grid.resolution_m
-        rows, columns = (
-            slice(max(math.floor(at - reach), 0), max(math.ceil(at + reach), 0))
-            for at in (here.y_m, here.x_m)
-        )
-        return bool(self._cells.marks[rows, columns].any())
+        person = Disc(here.x_m, here.y_m, _PERSON_M / self._space.grid.resolution_m)
+        return bool(self._cells.marks[cells_around(person)].any())
 
     def marked_world(self) -> NDArray[np.float64]:
         """Return the centres of the cells that sensors have marked, (n, 2) [m]."""

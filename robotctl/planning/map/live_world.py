@@ -61,7 +61,7 @@ class LiveWorld:
         The last scan of the lidars, as one view, with `base` in `world` at its time; None: there is
         none yet.
     standing
-        Those who walked and have stopped.
+        People who walked and have stopped.
     map
         The live map.
     """

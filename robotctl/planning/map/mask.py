@@ -1,4 +1,4 @@
-"""Masks: pictures of where a robot keeps out, would rather not be, drives slowly, or tells of."""
+"""Masks: pictures of where a robot keeps out, would rather not be, drives slowly, or reports."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _INSIDE: Final = 0.5 - 1e-6
 """Distance from the centre of a cell to just inside its edge [cells]."""
 _NO_LIMIT: Final = 0
 _INSIDE_FROM: Final = 0.5
-"""Value of `base + multiplier * value` above which a binary mask has an area, as nav2's."""
+"""Threshold of `base + multiplier * value` for the area of a binary mask, as in nav2."""
 SPEEDS: Final = ("speed_percent", "speed_m_s")
 """Kinds that limit the speed."""
 _DOUBLE: Final = 25.0

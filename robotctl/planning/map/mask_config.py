@@ -23,8 +23,8 @@ class MaskConfig:
     kind
         Where the value is 100, the robot keeps out (`keep_out`), and a value v from 1 to 99 makes
         each metre of a path count as 1 + v / 25; or a value from 1 to 100 limits its speed to `base
-        + multiplier * value`, in per cent of its fastest or in m/s; or an area is where that is
-        above 0.5 (`binary`), and the robot tells whenever it gets in or out.
+        + multiplier * value`, in per cent of its fastest or in m/s; or that marks an area where it
+        exceeds 0.5 (`binary`), and the robot reports when it enters or leaves that.
     base, multiplier
         As nav2's `costmap_filter_info_server` has them.
 
@@ -41,7 +41,7 @@ class MaskConfig:
 
     @property
     def name(self) -> str:
-        """Name of its area: that of the file, without the ending."""
+        """Name of the area of a binary mask: that of the file, without its suffix."""
         return PurePath(self.file).stem
 
     def __post_init__(self) -> None:

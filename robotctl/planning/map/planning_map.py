@@ -18,11 +18,8 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.footprint_arrays import discs, samples
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
+from robotctl.planning.map.discs import EDGE
 from robotctl.planning.map.zones import Closed
-
-_EDGE: float = 0.5
-"""Distance from a cell's centre to its edge [cells], by which a wall beside it is nearer."""
-
 
 APART: float = 0.93
 """A point is up to 0.71 from the centre of its cell, and a corner up to 0.21 nearer than the
@@ -155,7 +152,7 @@ def clearance_of(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
     """
     padded = np.pad(blocked, 1, constant_values=True)
     distance = ndimage.distance_transform_edt(~padded)[1:-1, 1:-1]
-    clearance: NDArray[np.float32] = (distance - _EDGE).astype(np.float32)
+    clearance: NDArray[np.float32] = (distance - EDGE).astype(np.float32)
     return clearance
 
 

@@ -1,4 +1,4 @@
-"""People who have come and stand now, in a line or in talk, between whom a robot does not go."""
+"""People who walked up and stand now, in line or talking, between whom a robot does not go."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _SAME_M: Final = 0.5
 _UNSEEN_NS: Final = 1_000_000_000
 """Time within which the map shows a person who has stopped [ns]."""
 _LIFE_NS: Final = 120_000_000_000
-"""Time after which a person is forgotten who has not stirred [ns]: it may be a thing."""
+"""Time after which a person who has not moved is forgotten [ns]: it may be a thing."""
 
 
 class StandingPeople:
     """Places of people who walked and have stopped.
 
-    Nothing in a scan tells a person who stands from a post, so they are those who were seen to
-    walk. They stand as long as the map shows something where they stopped.
+    In a scan a standing person looks like a post, so only people who were seen to walk count. They
+    stand for as long as the map shows something where they stopped.
     """
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class StandingPeople:
         """Forget everybody."""
         self._walked = np.empty((0, 2))
         self._stopped: list[tuple[float, float, int]] = []
-        """Places [m], and when they were taken [ns]."""
+        """Places [m], and times at which the people stopped [ns]."""
 
     def see(
         self,
@@ -71,9 +71,9 @@ class StandingPeople:
         return np.array([each[:2] for each in self._stopped]).reshape(-1, 2)
 
     def gaps(self, apart_m: float) -> NDArray[np.float64]:
-        """Return the discs between each two who stand no farther apart, (k, 3) [m]: x, y, radius.
+        """Return the gaps between people up to a distance apart, as discs (k, 3) [m]: x, y, radius.
 
-        A disc reaches from the middle of one to that of the other.
+        A disc reaches from the middle of one person to that of another.
         """
         places = self.places
         first, second = np.triu_indices(len(places), 1)
@@ -85,5 +85,5 @@ class StandingPeople:
 
 
 def _is_near(place: tuple[float, float] | list[float], places: NDArray[np.float64]) -> bool:
-    """Return whether a place is one of (n, 2) [m]."""
+    """Return whether a place is that of one of some people (n, 2) [m]."""
     return bool((np.hypot(*(places - place).T) < _SAME_M).any())

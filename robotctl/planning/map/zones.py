@@ -17,7 +17,7 @@ from robotctl.planning.map.polygon_cells import polygon_cells
 from robotctl.planning.map.zone import Zone
 
 _DEAREST: Final = 10.0
-"""A path through any of them counts at most so many times longer: classes of cost are few."""
+"""Maximum price of a cell: the planner has few classes of cost."""
 
 
 class Closed(NamedTuple):
@@ -27,7 +27,7 @@ class Closed(NamedTuple):
     fence: Fence = Fence()
     masks: tuple[Mask, ...] = ()
     doors: Doors = NO_DOORS
-    """Doors, which close nothing but cost a way of their own."""
+    """Doors, which close nothing but cost extra."""
 
     def cells(self, grid: GridMap) -> NDArray[np.bool_]:
         """Return which cells of a map the robot has to keep out of, (rows, columns)."""

@@ -306,5 +306,5 @@ def test_who_lines_up_stands_at_the_last_point_each_time(sign):
 
 def test_only_who_is_stubborn_lines_up():
     text = "points = [[1.0, 1.0], [2.0, 1.0]]\nstands_s = 5.0\nmanner = 'runs'\n"
-    with pytest.raises(ValidationError, match="stands_s: of one who is stubborn"):
+    with pytest.raises(ValidationError, match="stands_s: runs found, manner stubborn needed"):
         TypeAdapter(Person).validate_python(tomllib.loads(text))

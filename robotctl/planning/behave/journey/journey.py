@@ -49,11 +49,10 @@ _AGAIN_NS: Final = 500_000_000
 """Interval between two searches for a path past a person who stands in the way [ns]."""
 _OFTEN: Final = 3
 _SAME_M: Final = 0.5
-"""Number of troubles within a distance [m] after which the robot avoids that place."""
+"""Number of troubles within a distance [m] from which on the robot avoids a place."""
 _LONGER: Final = 1.5
 _MORE_M: Final = 2.0
-"""A path longer than the rest of the last one, by this factor and this length [m], is a detour,
-before which the robot waits for people to clear the way."""
+"""Factor and length [m] by which a detour exceeds the rest of the path before it."""
 _AHEAD_M: Final = 0.6
 """Distance to the place that the robot counts as closed where it stands in trouble [m]."""
 _SOON_S: Final = 1.0
@@ -61,9 +60,9 @@ _SOON_S: Final = 1.0
 _SCAN_S: Final = 0.1
 """Age of what a lidar shows [s]."""
 _LATELY_NS: Final = 10_000_000_000
-"""Time since somebody was near in which they may still be in the way [ns]."""
+"""Time for which a person who was near may still be in the way [ns]."""
 _JUST_NS: Final = 2_000_000_000
-"""The same in which they may be about to pass."""
+"""Time for which a person who was near may be about to pass [ns]."""
 _LOOKS_M_S: Final = 0.1
 """Speed at which the robot may come to see more, however little it sees [m/s]."""
 _STEP_BACK: Final = "waiting for somebody to step back"
@@ -122,11 +121,11 @@ class Journey(Behaviour):
         self._ladder_goal = self._replanner.goal
         """Goal that the tries of the ladder count for."""
         self._met_ns: int | None = None
-        """Last time at which somebody was near [ns]."""
+        """Last time at which a person was near [ns]."""
         self._given_up_ns: int | None = None
         """Time of the first end of the ladder since the last progress [ns]."""
         self._replanner.reset()
-        self._forget_troubles()
+        self._begin_journey()
         self.pause()
 
     def redirect(self, goal: Goal, speed_m_s: float) -> None:
@@ -137,18 +136,16 @@ class Journey(Behaviour):
             self._ladder_goal = goal
             self._closed = self._given_up_ns = None
             self._ladder.restart()
-            self._forget_troubles()
+            self._begin_journey()
 
-    def _forget_troubles(self) -> None:
-        """Begin another journey."""
+    def _begin_journey(self) -> None:
+        """Forget the troubles of the last journey, and the length of its path."""
         self._troubles: list[Point] = []
-        """Places of all troubles so far [m]."""
+        """Places of troubles so far, with nobody near [m]."""
         self._left_m = math.inf
-        """Length left of the last path [m]."""
-        self._round_ns: int | None = None
-        """Time since which it waits before a long way round [ns]."""
-        self._avoids = False
-        """Whether it avoids the place of the last one."""
+        """Remaining length of the path that was followed last [m]."""
+        self._detour: _Detour | None = None
+        """Detour before which the robot waits; None: there is none."""
         self._tools.paths.begin_journey()
 
     def pause(self) -> None:
@@ -204,7 +201,7 @@ class Journey(Behaviour):
         pose = situation.pose
         motion = self._looked_at(pose, self._follow(situation, route))
         if motion.creeps and self._met_lately(now_ns, _JUST_NS):
-            # It may be touched: who stands there steps back sooner than it gets past.
+            # Creeping would push a person who touches it; people step back by themselves.
             motion = motion._replace(
                 v_m_s=0.0, omega_rad_s=0.0, vy_m_s=0.0, blocked=True, text=_STEP_BACK
             )
@@ -249,7 +246,7 @@ class Journey(Behaviour):
             self._progress.follow(pose)
             if self._progress.driven_m > self._tools.journey.rungs.progress_m:
                 self._ladder.progress()
-                self._given_up_ns = self._round_ns = None
+                self._given_up_ns = self._detour = None
         else:
             self._progress.stand(pose)
         if (
@@ -321,7 +318,7 @@ class Journey(Behaviour):
         if now_ns - self._replanner.planned_ns < _AGAIN_NS:
             if self._stuck.is_patient(pose, now_ns):
                 return BehaviourOutput(0.0, 0.0, text="waiting for somebody to pass")
-            if self._round_ns is not None:
+            if self._detour is not None:
                 return _WAITS_BEFORE
             if self._closed is not None and self._waits(self._closed, now_ns):
                 return BehaviourOutput(0.0, 0.0, text=self._closed.text)
@@ -344,21 +341,31 @@ class Journey(Behaviour):
     def _waits_before(self, answer: Route, pose: SE2, now_ns: int) -> bool:
         """Return whether a path is a detour, and people near may yet clear the way.
 
-        Once the robot has waited long enough it takes the detour, and avoids the place from then
-        on: it does not come back each time that they move a little.
+        After a while the robot takes the detour, and avoids the place that was closed from then
+        on: it does not come back each time somebody there moves a little.
         """
-        leads_round = answer.left_m > _LONGER * self._left_m + _MORE_M
+        is_detour = answer.left_m > _LONGER * self._left_m + _MORE_M
         sees = self._tools.world.sees_by_lidar
-        if not (leads_round and sees and self._met_lately(now_ns, _JUST_NS)):
-            self._round_ns = None
+        if not (is_detour and sees and self._met_lately(now_ns, _JUST_NS)):
+            self._detour = None
             return False
-        if self._round_ns is None:
-            self._round_ns = now_ns
-        if now_ns - self._round_ns <= round(1e9 * self._tools.journey.patience_s):
+        if self._detour is None:
+            self._detour = _Detour(now_ns, self._place_closed(pose))
+        if now_ns - self._detour.since_ns <= round(1e9 * self._tools.journey.patience_s):
             return True
-        self._round_ns = None
-        self._tools.paths.avoid(self._place_ahead(pose))
+        self._tools.paths.avoid(self._detour.closed)
+        self._detour = None
         return False
+
+    def _place_closed(self, pose: SE2) -> Point:
+        """Return where the present path is closed; a little ahead if it seems to be free."""
+        route = self._replanner.route
+        if route is not None:
+            hits = self._tools.world.map.collides(route.rest)
+            if hits.any():
+                x_m, y_m, _ = route.rest[int(np.argmax(hits))].tolist()
+                return x_m, y_m
+        return self._place_ahead(pose)
 
     def _without_path(
         self, failure: PlanFailure, pose: SE2, now_ns: int
@@ -397,13 +404,11 @@ class Journey(Behaviour):
             self._ladder.restart()
             name = self._ladder.climb()
         place = self._place_ahead(pose)
-        self._avoids = False
         if not self._met_lately(now_ns, _LATELY_NS):  # else people may have been the trouble
             self._troubles.append(place)
-            times = sum(math.dist(place, each) < _SAME_M for each in self._troubles)
-            self._avoids = times >= _OFTEN
-        if self._avoids:
-            self._tools.paths.avoid(place)
+            if sum(math.dist(place, each) < _SAME_M for each in self._troubles) >= _OFTEN:
+                self._tools.paths.avoid(place)
+                self._turn_round.face_path()
         trouble = Trouble(reason, now_ns, pose, place, self._progress.track)
         self._replanner.route, self._progress.driven_m = None, 0.0
         self._stuck.reset()
@@ -413,7 +418,7 @@ class Journey(Behaviour):
         return BehaviourOutput(0.0, 0.0, text=self._rung.text, asks=self._rung.asks)
 
     def _waits_for_people(self, now_ns: int) -> bool:
-        """Return whether the robot, perhaps held up by somebody, is still patient."""
+        """Return whether people may be holding up the robot, and it still has patience."""
         if not self._met_lately(now_ns, _LATELY_NS):
             return False
         if self._given_up_ns is None:
@@ -421,7 +426,7 @@ class Journey(Behaviour):
         return now_ns - self._given_up_ns < round(1e9 * self._tools.recovery.people_s)
 
     def _met_lately(self, now_ns: int, within_ns: int) -> bool:
-        """Return whether anybody was near within a time."""
+        """Return whether a person has been near within a time [ns]."""
         return self._met_ns is not None and now_ns - self._met_ns <= within_ns
 
     def _place_ahead(self, pose: SE2) -> Point:
@@ -447,7 +452,7 @@ class Journey(Behaviour):
             output = None
         if output is None:
             self._rung = None
-            if rung.turns_first or self._avoids:
+            if rung.turns_first:
                 self._turn_round.face_path()
         return output
 
@@ -466,6 +471,15 @@ class Journey(Behaviour):
 
 DriveTo: TypeAlias = Callable[[Goal, float], Journey]
 """Makes the journey to a goal, at most at a speed [m/s]."""
+
+
+class _Detour(NamedTuple):
+    """A detour before which the robot waits."""
+
+    since_ns: int
+    """Time since which it waits [ns]."""
+    closed: Point
+    """Place at which the shorter way is closed [m]."""
 
 
 class _Closed(NamedTuple):

@@ -134,7 +134,7 @@ class Clear(_Stand):
 
 
 class OtherWay(_Stand):
-    """Plans as if the place ahead could hardly be passed, for the rest of the journey."""
+    """Plans as if the place ahead were closed, for the rest of the journey."""
 
     words = "looking for another way"
     turns_first = True

@@ -40,11 +40,11 @@ _TURNED: Final = SE2(0.0, 0.0, math.pi)
 _AVOIDED_M: Final = 0.5
 """Radius of a place that is avoided [m]."""
 _ROOM_M: Final = 0.1
-"""Clearance of a robot from such a place beside which it stands [m]."""
+"""Clearance that a robot beside such a place keeps [m]."""
 _BETWEEN: Final = 10.0
 """Price of a metre between two people who stand together, in metres elsewhere."""
 _STEP_M: Final = 0.05
-"""Step at which a path is looked at [m]."""
+"""Step at which a path is checked for people [m]."""
 
 
 class PathFinder:
@@ -77,7 +77,7 @@ class PathFinder:
         *,
         steered: bool,
         turning_radius_m: float,
-        queue_m: float = 0.0,
+        queue_m: float,
     ) -> None:
         self.planner = planner
         self._world = world
@@ -178,7 +178,7 @@ class PathFinder:
             answer = plan(self._without_avoided(space, start, goal), start, goal)
             if not isinstance(answer, PlanFailure):
                 return answer
-            if answer.reason is Reason.OUT_OF_TIME:  # and would be in each step to come
+            if answer.reason is Reason.OUT_OF_TIME:  # the next search would take as long
                 self._avoided.clear()
         return plan(space, start, goal)
 

@@ -98,7 +98,7 @@ class LocalMotion(NamedTuple):
     vy_m_s: float = 0.0
     """Velocity to the left of holonomic drives [m/s]."""
     creeps: bool = False
-    """Whether the robot creeps away from something that is too near."""
+    """Whether the robot is creeping away from something too near."""
 
     @property
     def speed_m_s(self) -> float:
